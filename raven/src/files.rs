@@ -1,0 +1,96 @@
+//! Whole files or none: temporary file beside the target, sync, rename.
+
+use std::io::Write;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use crate::{Error, Result};
+
+/// Reads a text file.
+///
+/// # Errors
+/// If the file cannot be opened or is not UTF-8.
+pub fn read_text(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))
+}
+
+/// Replaces `path` by `contents` in one step; whoever reads it meanwhile sees the old file or the new one, never a part.
+///
+/// # Errors
+/// If the folder does not exist or cannot be written to; the old file then stays.
+pub fn write_atomic(path: &Path, contents: &[u8]) -> Result<()> {
+    let mut file = temporary_beside(path)?;
+    file.write_all(contents).map_err(|e| Error::io(path, "write", e))?;
+    persist(file, path)
+}
+
+/// An empty temporary file in the folder of `path`, removed when dropped.
+///
+/// # Errors
+/// If the folder does not exist or cannot be written to.
+pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".raven-").suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o644));
+    }
+    builder.tempfile_in(folder).map_err(|e| Error::io(path, "create", e))
+}
+
+/// Syncs a temporary file to the disk and gives it its name.
+///
+/// # Errors
+/// If the disk is full or the name cannot be taken.
+pub fn persist(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
+    file.as_file().sync_all().map_err(|e| Error::io(path, "sync", e))?;
+    file.persist(path).map_err(|e| Error::io(path, "rename to", e.error))?;
+    Ok(())
+}
+
+/// SHA-256 of a file, in lower-case hexadecimal: how a parameter names the log it came from.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn sha256(path: &Path) -> Result<String> {
+    let mut file = std::fs::File::open(path).map_err(|e| Error::io(path, "read", e))?;
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0_u8; 1 << 16];
+    loop {
+        let read = std::io::Read::read(&mut file, &mut buffer).map_err(|e| Error::io(path, "read", e))?;
+        if read == 0 {
+            return Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect());
+        }
+        hash.update(&buffer[..read]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_keeps_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.yaml");
+        write_atomic(&path, b"old").unwrap();
+        write_atomic(&path, b"new").unwrap();
+        assert_eq!(read_text(&path).unwrap(), "new");
+        assert!(write_atomic(&folder.path().join("missing/robot.yaml"), b"x").is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn sha256_of_abc_is_the_published_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc");
+        std::fs::write(&path, "abc").unwrap();
+        assert_eq!(sha256(&path).unwrap(), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    }
+}

@@ -1,0 +1,11 @@
+//! The library under raven-cal's programs.
+//!
+//! The Raven-II's encoders sit on the motors; cables, pulleys and friction lie between them and the joints. This crate holds what every
+//! program needs to look at that gap: logs, the robot's model, cameras, a simulator, filters and reports. Frames, units and symbols
+//! are fixed in `docs/conventions.md`.
+
+pub mod cli;
+pub mod error;
+pub mod files;
+
+pub use error::{Error, Result};
