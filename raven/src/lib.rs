@@ -4,8 +4,10 @@
 //! program needs to look at that gap: logs, the robot's model, cameras, a simulator, filters and reports. Frames, units and symbols
 //! are fixed in `docs/conventions.md`.
 
+pub mod camera;
 pub mod cli;
 pub mod error;
 pub mod files;
+pub mod robot;
 
 pub use error::{Error, Result};

@@ -1,0 +1,226 @@
+//! `cameras.yaml`: two ROS `camera_info` blocks, the poses between them and the robot, and the quality of the calibration.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+
+use super::{Cameras, Pinhole};
+use crate::files::{self, yaml_float, yaml_list};
+use crate::{Error, Result};
+
+/// How good a calibration was. All members are optional: a file from elsewhere may not say.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(default)]
+pub struct Quality {
+    /// Reprojection RMS of the left camera alone [px].
+    pub left_rms_px: Option<f64>,
+    /// Reprojection RMS of the right camera alone [px].
+    pub right_rms_px: Option<f64>,
+    /// Reprojection RMS of both cameras with one pose per board [px].
+    pub stereo_rms_px: Option<f64>,
+    /// Standard deviations of `fx, fy, cx, cy` of the left camera [px].
+    pub left_std: Option<[f64; 4]>,
+    /// Standard deviations of `fx, fy, cx, cy` of the right camera [px].
+    pub right_std: Option<[f64; 4]>,
+    /// Standard deviation of the baseline [m].
+    pub baseline_std_m: Option<f64>,
+    /// Standard deviations of `base_from_left`'s rotation vector [rad].
+    pub registration_rotation_std_rad: Option<[f64; 3]>,
+    /// Standard deviations of `base_from_left`'s translation [m].
+    pub registration_translation_std_m: Option<[f64; 3]>,
+    /// Standard deviation of the latency [s].
+    pub latency_std_s: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct CamerasFile {
+    left: CameraInfo,
+    right: CameraInfo,
+    right_from_left: Pose,
+    #[serde(default)]
+    base_from_left: Option<Pose>,
+    #[serde(default)]
+    latency: f64,
+    #[serde(default)]
+    quality: Quality,
+}
+
+#[derive(Deserialize)]
+struct CameraInfo {
+    image_width: u32,
+    image_height: u32,
+    camera_matrix: Array,
+    distortion_model: String,
+    distortion_coefficients: Array,
+}
+
+#[derive(Deserialize)]
+struct Array {
+    data: Vec<f64>,
+}
+
+#[derive(Deserialize)]
+struct Pose {
+    rotation: Vec<f64>,
+    translation: Vec<f64>,
+}
+
+impl Cameras {
+    /// Reads `cameras.yaml`.
+    ///
+    /// # Errors
+    /// If the file is missing, lacks a block, or has a matrix of the wrong size or one that is no rotation.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::parse(path, &files::read_text(path)?)
+    }
+
+    /// Reads the text of a `cameras.yaml`, which came from `path`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let file: CamerasFile = files::parse_yaml(path, text)?;
+        let build = || -> Result<Self, String> {
+            let cameras = Self {
+                left: pinhole("left", &file.left)?,
+                right: pinhole("right", &file.right)?,
+                right_from_left: isometry("right_from_left", &file.right_from_left)?,
+                base_from_left: file.base_from_left.as_ref().map(|p| isometry("base_from_left", p)).transpose()?,
+                latency_s: file.latency,
+                quality: file.quality,
+            };
+            if !(file.latency.abs() < 5.0) {
+                return Err(format!("latency is {}, expected seconds. Is it in milliseconds?", file.latency));
+            }
+            let baseline = cameras.baseline_m();
+            if !(1e-4..5.0).contains(&baseline) {
+                return Err(format!("the baseline in right_from_left is {baseline}, expected 0.0001 to 5 m. Is it in millimetres?"));
+            }
+            Ok(cameras)
+        };
+        build().map_err(|message| Error::file(path, message))
+    }
+
+    /// Writes `cameras.yaml` in one step.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        files::write_atomic(path, self.to_yaml().as_bytes())
+    }
+
+    /// The file's text. Each camera's block alone, under its own name, is a ROS `camera_info` file.
+    #[must_use]
+    pub fn to_yaml(&self) -> String {
+        let mut text =
+            String::from("# Two ROS camera_info blocks; x_right = R x_left + t; x_frame0 = R x_left + t after registration. Metres.\n");
+        let baseline = -self.right.fx * self.baseline_m();
+        text += &camera_info("left", &self.left, 0.0);
+        text += &camera_info("right", &self.right, baseline);
+        text += &pose("right_from_left", &self.right_from_left);
+        if let Some(base_from_left) = &self.base_from_left {
+            text += &pose("base_from_left", base_from_left);
+        }
+        let _ = writeln!(text, "latency: {}", yaml_float(self.latency_s));
+        text += &self.quality.to_yaml();
+        text
+    }
+}
+
+impl Quality {
+    fn to_yaml(self) -> String {
+        let mut lines = String::new();
+        for (key, value) in [
+            ("left_rms_px", self.left_rms_px),
+            ("right_rms_px", self.right_rms_px),
+            ("stereo_rms_px", self.stereo_rms_px),
+            ("baseline_std_m", self.baseline_std_m),
+            ("latency_std_s", self.latency_std_s),
+        ] {
+            if let Some(value) = value {
+                let _ = writeln!(lines, "  {key}: {}", yaml_float(value));
+            }
+        }
+        for (key, values) in [("left_std", self.left_std), ("right_std", self.right_std)] {
+            if let Some(values) = values {
+                let _ = writeln!(lines, "  {key}: {}", yaml_list(&values));
+            }
+        }
+        for (key, values) in [
+            ("registration_rotation_std_rad", self.registration_rotation_std_rad),
+            ("registration_translation_std_m", self.registration_translation_std_m),
+        ] {
+            if let Some(values) = values {
+                let _ = writeln!(lines, "  {key}: {}", yaml_list(&values));
+            }
+        }
+        if lines.is_empty() { lines } else { format!("quality:\n{lines}") }
+    }
+}
+
+fn pinhole(name: &str, info: &CameraInfo) -> Result<Pinhole, String> {
+    if info.distortion_model != "plumb_bob" {
+        return Err(format!("{name}.distortion_model is `{}`, expected `plumb_bob`.", info.distortion_model));
+    }
+    let &[fx, skew, cx, zero_1, fy, cy, zero_2, zero_3, one] = info.camera_matrix.data.as_slice() else {
+        return Err(format!("{name}.camera_matrix.data has {} numbers, expected 9.", info.camera_matrix.data.len()));
+    };
+    if [skew, zero_1, zero_2, zero_3, one - 1.0].iter().any(|&v| v != 0.0) {
+        return Err(format!("{name}.camera_matrix is not of the form [fx 0 cx; 0 fy cy; 0 0 1]."));
+    }
+    let mut distortion = [0.0; 5];
+    let given = &info.distortion_coefficients.data;
+    if given.len() != 4 && given.len() != 5 {
+        return Err(format!("{name}.distortion_coefficients.data has {} numbers, expected k1 k2 p1 p2 [k3].", given.len()));
+    }
+    distortion[..given.len()].copy_from_slice(given);
+    for (key, focal) in [("fx", fx), ("fy", fy)] {
+        if !(focal > 1.0 && focal < 1e6) {
+            return Err(format!("{name}.camera_matrix has {key} = {focal}, expected pixels."));
+        }
+    }
+    if !distortion.iter().chain(&[cx, cy]).all(|v| v.is_finite()) || info.image_width == 0 || info.image_height == 0 {
+        return Err(format!("{name} has a number that is not finite, or an image without pixels."));
+    }
+    Ok(Pinhole { width: info.image_width, height: info.image_height, fx, fy, cx, cy, distortion })
+}
+
+fn isometry(name: &str, pose: &Pose) -> Result<Isometry3<f64>, String> {
+    let (&[_, _, _, _, _, _, _, _, _], &[x, y, z]) = (pose.rotation.as_slice(), pose.translation.as_slice()) else {
+        let (r, t) = (pose.rotation.len(), pose.translation.len());
+        return Err(format!("{name} has {r} and {t} numbers, expected 9 in rotation and 3 in translation."));
+    };
+    let matrix = Matrix3::from_row_slice(&pose.rotation);
+    let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+    if !(off < 1e-5 && matrix.determinant() > 0.0) {
+        return Err(format!("{name}.rotation is no rotation: R'R differs from 1 by {off:.1e}, det R is {:.3}.", matrix.determinant()));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
+    if ![x, y, z].iter().all(|v| v.is_finite()) {
+        return Err(format!("{name}.translation has a number that is not finite."));
+    }
+    Ok(Isometry3::from_parts(Translation3::from(Vector3::new(x, y, z)), rotation))
+}
+
+fn camera_info(name: &str, camera: &Pinhole, fx_baseline: f64) -> String {
+    let (fx, fy, cx, cy) = (camera.fx, camera.fy, camera.cx, camera.cy);
+    let array = |rows: usize, cols: usize, data: &[f64]| format!("{{rows: {rows}, cols: {cols}, data: {}}}", yaml_list(data));
+    format!(
+        "{name}:\n  image_width: {}\n  image_height: {}\n  camera_name: {name}\n  camera_matrix: {}\n  distortion_model: plumb_bob\n  \
+         distortion_coefficients: {}\n  rectification_matrix: {}\n  projection_matrix: {}\n",
+        camera.width,
+        camera.height,
+        array(3, 3, &[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        array(1, 5, &camera.distortion),
+        array(3, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+        array(3, 4, &[fx, 0.0, cx, fx_baseline, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+    )
+}
+
+fn pose(name: &str, pose: &Isometry3<f64>) -> String {
+    let rotation = pose.rotation.to_rotation_matrix().into_inner().transpose();
+    let translation = yaml_list(pose.translation.vector.as_slice());
+    format!("{name}: {{rotation: {}, translation: {translation}}}\n", yaml_list(rotation.as_slice()))
+}

@@ -1,0 +1,398 @@
+//! `robot.yaml`: what stands in it, read strictly. Keys are SI; a value no Raven could have is refused with what may be meant.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::{Cable, Kinematics, Link};
+use crate::{Error, Result, files};
+
+/// One robot: the whole parameter file.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Robot {
+    format: String,
+    /// Name of the robot.
+    pub name: String,
+    /// Arm or bench.
+    pub kinematics: KinematicsKind,
+    /// Where the motor side is in a log.
+    pub source: Source,
+    /// Motor encoders, where the log has raw counts.
+    #[serde(default)]
+    pub encoder: Option<Encoder>,
+    /// In the order of the log's joints.
+    pub joints: Vec<Joint>,
+    /// Extra cable travel of one joint by another's motion.
+    #[serde(default)]
+    pub cable_coupling: Vec<Coupling>,
+    /// Links, one per joint of an arm.
+    #[serde(default)]
+    pub links: Vec<Link>,
+    /// One sigma of what the nominal values are good for.
+    pub tolerances: Tolerances,
+    /// What calibration found out about the tip's observation.
+    #[serde(default)]
+    pub observation: Observation,
+    /// Where each changed value came from.
+    #[serde(default)]
+    pub calibration: Vec<Provenance>,
+}
+
+/// `kinematics:` of the file.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum KinematicsKind {
+    /// The first three joints of a Raven-II arm.
+    Raven(Kinematics),
+    /// A drive whose joint is measured directly: no tip, no camera.
+    Bench,
+}
+
+/// Where a log has the motor side.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Topic name.
+    pub topic: String,
+    /// Message kind.
+    pub format: SourceFormat,
+}
+
+/// Message kinds with motor angles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SourceFormat {
+    /// `raven_2/raven_state`, with all its units.
+    RavenState,
+    /// `sensor_msgs/JointState` in rad and N m (m and N on a bench).
+    JointState,
+}
+
+/// Encoder on the motor shaft.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Encoder {
+    /// Counts per turn of the motor.
+    pub counts_per_revolution: f64,
+}
+
+/// Revolute or prismatic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JointType {
+    /// Angle [rad].
+    Revolute,
+    /// Travel [m].
+    Prismatic,
+}
+
+/// One joint with its drive. Radii in m, angles in rad.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Joint {
+    /// Name, as effects and reports use it.
+    pub name: String,
+    /// Revolute or prismatic.
+    #[serde(rename = "type")]
+    pub kind: JointType,
+    /// Motor turns per capstan turn.
+    pub gear_ratio: f64,
+    /// `r_mc` [m].
+    pub motor_capstan_radius: f64,
+    /// `r_l` [m]; 1 on a prismatic joint, where cable travel is joint travel.
+    pub link_pulley_radius: f64,
+    /// Joint position where the encoders are set [rad or m].
+    #[serde(default)]
+    pub hard_stop: f64,
+    /// Motor angle that was set there when the logs were recorded [rad]; by default what this file's numbers make of `hard_stop`.
+    #[serde(default)]
+    pub motor_at_hard_stop: Option<f64>,
+    /// Range [rad or m].
+    #[serde(default)]
+    pub limits: Option<[f64; 2]>,
+    /// Cable.
+    #[serde(default)]
+    pub cable: Option<Cable>,
+    /// Motor.
+    #[serde(default)]
+    pub motor: Option<Motor>,
+    /// Friction at the joint.
+    #[serde(default)]
+    pub link_friction: Option<ViscousCoulomb>,
+}
+
+impl Joint {
+    /// Motor angle per joint motion, `N r_l / r_mc` [rad/rad or rad/m].
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        self.gear_ratio * self.link_pulley_radius / self.motor_capstan_radius
+    }
+
+    /// Unit in which people read this joint, and how many of it make one SI unit.
+    #[must_use]
+    pub fn display_unit(&self) -> (&'static str, f64) {
+        match self.kind {
+            JointType::Revolute => ("deg", 180.0 / std::f64::consts::PI),
+            JointType::Prismatic => ("mm", 1000.0),
+        }
+    }
+}
+
+/// Motor on its shaft, before the gear box.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motor {
+    /// [kg m^2].
+    pub inertia: f64,
+    /// [N m].
+    pub coulomb_friction: f64,
+    /// [N m s].
+    pub viscous_friction: f64,
+}
+
+/// Friction at a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViscousCoulomb {
+    /// [N m or N].
+    pub coulomb: f64,
+    /// [N m s or N s/m].
+    pub viscous: f64,
+}
+
+/// One entry of the cable coupling: `q_to += coefficient * q_from`, as cable travel at the joint.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coupling {
+    /// Joint that moves.
+    pub from: String,
+    /// Joint whose cable is moved.
+    pub to: String,
+    /// [rad/rad or m/rad].
+    pub coefficient: f64,
+}
+
+/// One sigma of what drawings, datasheets or the last calibration allow; relative unless a unit is named.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tolerances {
+    /// Pulley radius.
+    pub radius: f64,
+    /// Hard stop [rad]; prismatic joints a third of it in m.
+    pub hard_stop: f64,
+    /// Coupling.
+    pub cable_coupling: f64,
+    /// `k_e`.
+    pub stiffness: f64,
+    /// `b_e`.
+    pub damping: f64,
+    /// `I_m`.
+    pub motor_inertia: f64,
+    /// Motor friction.
+    pub motor_friction: f64,
+    /// Joint friction.
+    pub link_friction: f64,
+    /// Link inertia.
+    pub link_inertia: f64,
+    /// Torque per command.
+    pub torque_gain: f64,
+    /// Angles between the axes [rad].
+    #[serde(default = "defaults::link_angle_rad")]
+    pub link_angle_rad: f64,
+    /// Tool length [m].
+    #[serde(default = "defaults::tool_length_m")]
+    pub tool_length_m: f64,
+    /// Registration, rotation [rad].
+    #[serde(default = "defaults::camera_rotation_rad")]
+    pub camera_rotation_rad: f64,
+    /// Registration, translation [m].
+    #[serde(default = "defaults::camera_translation_m")]
+    pub camera_translation_m: f64,
+    /// Baseline.
+    #[serde(default = "defaults::stereo_scale")]
+    pub stereo_scale: f64,
+    /// Camera latency [s].
+    #[serde(default = "defaults::latency_s")]
+    pub latency_s: f64,
+    /// Camera clock against robot clock.
+    #[serde(default = "defaults::clock_drift")]
+    pub clock_drift: f64,
+}
+
+/// What a file that does not say gets: the nominal robot's own tolerances.
+mod defaults {
+    pub fn link_angle_rad() -> f64 {
+        0.001
+    }
+    pub fn tool_length_m() -> f64 {
+        0.0003
+    }
+    pub fn camera_rotation_rad() -> f64 {
+        0.002
+    }
+    pub fn camera_translation_m() -> f64 {
+        0.0005
+    }
+    pub fn stereo_scale() -> f64 {
+        0.002
+    }
+    pub fn latency_s() -> f64 {
+        0.003
+    }
+    pub fn clock_drift() -> f64 {
+        0.000_02
+    }
+}
+
+impl Tolerances {
+    /// One sigma of a joint's hard stop [rad or m]: 0.0009 rad goes with 0.0003 m.
+    #[must_use]
+    pub fn hard_stop_of(&self, kind: JointType) -> f64 {
+        match kind {
+            JointType::Revolute => self.hard_stop,
+            JointType::Prismatic => self.hard_stop / 3.0,
+        }
+    }
+}
+
+/// Corrections to the observed tip that were estimated together with the robot's parameters.
+///
+/// A tip observed at `p` with stamp `t` is where the robot had it at `t - latency`, at `R (p - p_hs) + p_hs + translation`: the rotation
+/// turns about the tip at the hard stop, where the registration was made.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Observation {
+    /// By how much an image shows the past of its stamp [s].
+    pub latency: f64,
+    /// Rotation vector [rad], frame 0.
+    pub rotation: [f64; 3],
+    /// [m], frame 0.
+    pub translation: [f64; 3],
+}
+
+/// Where a changed value came from.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Short name, such as `r_l1`.
+    pub parameter: String,
+    /// Where it stands in this file, such as `joints.shoulder.link_pulley_radius`.
+    pub key: String,
+    /// Unit of the four numbers.
+    pub unit: String,
+    /// New value.
+    pub value: f64,
+    /// Its standard deviation.
+    pub std: f64,
+    /// Value before.
+    pub prior: f64,
+    /// Standard deviation before.
+    pub prior_std: f64,
+    /// Whether the data determined it.
+    pub identified: bool,
+    /// How it was found.
+    pub method: String,
+    /// Logs, by file name.
+    pub logs: Vec<String>,
+    /// SHA-256 of each log.
+    pub sha256: Vec<String>,
+}
+
+impl Robot {
+    /// Reads a robot file.
+    ///
+    /// # Errors
+    /// If the file is missing, has a key or type that is not in the format, or a value that cannot be in SI units.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::parse(path, &files::read_text(path)?)
+    }
+
+    /// Reads a robot file's text, which came from `path`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let robot: Self = files::parse_yaml(path, text)?;
+        robot.check().map_err(|message| Error::file(path, message))?;
+        Ok(robot)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        if self.format != "raven-robot/1" {
+            return Err(format!("format is `{}`, expected `raven-robot/1`.", self.format));
+        }
+        if self.joints.is_empty() {
+            return Err("joints is empty; name at least one.".to_owned());
+        }
+        let arm = matches!(self.kinematics, KinematicsKind::Raven(_));
+        for joint in &self.joints {
+            check_joint(joint, arm)?;
+        }
+        if let KinematicsKind::Raven(kinematics) = &self.kinematics {
+            for (key, angle) in [("link_angle_12", kinematics.link_angle_12), ("link_angle_23", kinematics.link_angle_23)] {
+                within(&format!("kinematics.{key}"), angle, [0.05, 3.1], "rad", "degrees")?;
+            }
+            within("kinematics.wrist_offset", kinematics.wrist_offset, [-2.0, 2.0], "m", "millimetres")?;
+            let gravity = kinematics.gravity().norm();
+            within("the length of kinematics.gravity", gravity, [0.0, 20.0], "m/s^2", "cm/s^2")?;
+            let coupling = self.cable_coupling_matrix().map_err(|e| e.to_string())?;
+            if (nalgebra::Matrix3::identity() + coupling).determinant().abs() < 0.1 {
+                return Err("cable_coupling ties two joints together; its coefficients are too large.".to_owned());
+            }
+        }
+        for (i, link) in self.links.iter().enumerate() {
+            within(&format!("links[{i}].mass"), link.mass, [1e-6, 100.0], "kg", "grams")?;
+            if !link.center_of_mass.iter().chain(&link.inertia).all(|v| v.is_finite()) {
+                return Err(format!("links[{i}] has a number that is not finite."));
+            }
+            if link.inertia[..3].iter().any(|&v| v <= 0.0) {
+                return Err(format!("links[{i}].inertia has a moment that is not positive; they are about the centre of mass."));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
+    let key = |field: &str| format!("joints.{}.{field}", joint.name);
+    within(&key("gear_ratio"), joint.gear_ratio, [1e-3, 1e4], "1", "the inverse ratio")?;
+    let radius_max = if arm { 0.5 } else { 1.0 };
+    within(&key("motor_capstan_radius"), joint.motor_capstan_radius, [1e-4, radius_max], "m", "millimetres")?;
+    let link_max = if arm && joint.kind == JointType::Revolute { 0.5 } else { 1.0 };
+    within(&key("link_pulley_radius"), joint.link_pulley_radius, [1e-4, link_max], "m", "millimetres")?;
+    let (position_max, unit, meant) = match joint.kind {
+        JointType::Revolute => (2.0 * std::f64::consts::PI, "rad", "degrees"),
+        JointType::Prismatic => (2.0, "m", "millimetres"),
+    };
+    within(&key("hard_stop"), joint.hard_stop, [-position_max, position_max], unit, meant)?;
+    if let Some(limits) = joint.limits {
+        for limit in limits {
+            within(&key("limits"), limit, [-position_max, position_max], unit, meant)?;
+        }
+        if limits[0] >= limits[1] {
+            return Err(format!("{} is [{}, {}]; the first must be the smaller one.", key("limits"), limits[0], limits[1]));
+        }
+    }
+    if let Some(cable) = joint.cable {
+        within(&key("cable.stiffness"), cable.stiffness, [1.0, 1e9], "N", "another unit")?;
+        within(&key("cable.damping"), cable.damping, [0.0, 1e7], "N s/m", "another unit")?;
+    }
+    if let Some(motor) = joint.motor {
+        within(&key("motor.inertia"), motor.inertia, [1e-9, 1e4], "kg m^2", "g cm^2")?;
+        within(&key("motor.coulomb_friction"), motor.coulomb_friction, [0.0, 1e4], "N m", "another unit")?;
+        within(&key("motor.viscous_friction"), motor.viscous_friction, [0.0, 1e4], "N m s", "another unit")?;
+    }
+    if let Some(friction) = joint.link_friction {
+        within(&key("link_friction.coulomb"), friction.coulomb, [0.0, 1e4], "N m or N", "another unit")?;
+        within(&key("link_friction.viscous"), friction.viscous, [0.0, 1e4], "N m s or N s/m", "another unit")?;
+    }
+    Ok(())
+}
+
+fn within(key: &str, value: f64, [low, high]: [f64; 2], unit: &str, meant: &str) -> Result<(), String> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(format!("{key} is {value}, expected {low} to {high} {unit}. Is it in {meant}?"))
+}

@@ -1,0 +1,100 @@
+//! Links behind their cables, driven by the motor angle: the state equation of the paper's filter (eqs. 2-6).
+//!
+//! ```text
+//! M(q) qdd = (1 + C)' r_l gamma(x, xdot) - C(q, qd) - G(q) - F_c tanh(qd / v_s) - F_v qd
+//! ```
+//!
+//! The motor angle is measured, so it is an input; the state is `[q, qd]`, 6x1 [rad, rad, m, rad/s, rad/s, m/s].
+
+use nalgebra::Vector3;
+
+use super::Arm;
+
+/// Speed below which Coulomb friction fades, per joint [rad/s, rad/s, m/s]: a tenth of the slowest motion that matters here.
+pub const STICTION_SPEED: [f64; 3] = [5e-3, 5e-3, 1e-3];
+
+/// Joint positions and velocities.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkState {
+    /// [rad, rad, m].
+    pub position: Vector3<f64>,
+    /// [rad/s, rad/s, m/s].
+    pub rate: Vector3<f64>,
+}
+
+/// The link side of an arm.
+#[derive(Debug, Clone)]
+pub struct LinkModel {
+    arm: Arm,
+}
+
+impl LinkModel {
+    /// The link side of `arm`.
+    #[must_use]
+    pub fn new(arm: Arm) -> Self {
+        Self { arm }
+    }
+
+    /// The arm it was made of.
+    #[must_use]
+    pub fn arm(&self) -> &Arm {
+        &self.arm
+    }
+
+    /// Accelerations of the joints for a state and the motors' angle [rad] and velocity [rad/s].
+    #[must_use]
+    pub fn acceleration(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>) -> Vector3<f64> {
+        let transmission = &self.arm.transmission;
+        let stretch = transmission.stretch_m(motor, &state.position);
+        let stretch_rate = transmission.stretch_rate_m_s(motor_rate, &state.rate);
+        let tension = Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], stretch_rate[j]));
+        let force = transmission.joint_force(&tension) - self.friction(&state.rate);
+        self.arm.dynamics.forward(&state.position, &state.rate, &force)
+    }
+
+    /// Friction of the joints [N m, N m, N] at joint velocities.
+    #[must_use]
+    pub fn friction(&self, rate: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|j, _| {
+            let friction = &self.arm.link_friction[j];
+            friction.coulomb * (rate[j] / STICTION_SPEED[j]).tanh() + friction.viscous * rate[j]
+        })
+    }
+
+    /// One Runge-Kutta step of order four over `step_s`, the motors moving steadily from `motor` at `motor_rate`.
+    #[must_use]
+    pub fn step(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> LinkState {
+        let slope = |s: &LinkState, t: f64| {
+            let here = motor + motor_rate * t;
+            (s.rate, self.acceleration(s, &here, motor_rate))
+        };
+        let ahead =
+            |(v, a): &(Vector3<f64>, Vector3<f64>), h: f64| LinkState { position: state.position + v * h, rate: state.rate + a * h };
+        let half = 0.5 * step_s;
+        let k1 = slope(state, 0.0);
+        let k2 = slope(&ahead(&k1, half), half);
+        let k3 = slope(&ahead(&k2, half), half);
+        let k4 = slope(&ahead(&k3, step_s), step_s);
+        LinkState {
+            position: state.position + (k1.0 + 2.0 * (k2.0 + k3.0) + k4.0) * (step_s / 6.0),
+            rate: state.rate + (k1.1 + 2.0 * (k2.1 + k3.1) + k4.1) * (step_s / 6.0),
+        }
+    }
+
+    /// Joint angles at which the cables hold the links against gravity and friction of the given direction (-1, 0, 1 per joint).
+    ///
+    /// The stretch is so small that gravity at the rigid position is gravity at the stretched one to second order; two passes suffice.
+    #[must_use]
+    pub fn settled(&self, motor: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
+        let rigid = self.arm.transmission.joint_from_motor(motor);
+        let mut joint = rigid;
+        for _ in 0..2 {
+            let drag = Vector3::from_fn(|j, _| self.arm.link_friction[j].coulomb * direction[j]);
+            let load = self.arm.dynamics.bias(&joint, &Vector3::zeros()) + drag;
+            let tension = self.arm.transmission.tension_n(&load);
+            let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]));
+            joint = rigid - self.arm.transmission.joint_lag(&stretch);
+        }
+        joint
+    }
+}

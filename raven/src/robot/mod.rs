@@ -1,0 +1,164 @@
+//! The robot as its parameter file describes it: kinematics, transmission, cables, links, and how well each number is known.
+
+mod cable;
+mod dynamics;
+mod file;
+mod kinematics;
+mod link_model;
+pub mod nominal;
+mod transmission;
+mod write;
+
+pub use cable::Cable;
+pub use dynamics::{Link, LinkDynamics};
+pub use file::{
+    Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, Provenance, Robot, Source, SourceFormat, Tolerances,
+    ViscousCoulomb,
+};
+pub use kinematics::{ArmSide, Branch, Kinematics};
+pub use link_model::{LinkModel, LinkState, STICTION_SPEED};
+pub use transmission::Transmission;
+
+use crate::{Error, Result};
+
+/// The first three joints of a Raven-II arm, ready to compute with.
+#[derive(Debug, Clone)]
+pub struct Arm {
+    /// Joint angles to tip, and back.
+    pub kinematics: Kinematics,
+    /// Motor angles to joint angles through inextensible cables.
+    pub transmission: Transmission,
+    /// One cable per joint.
+    pub cables: [Cable; 3],
+    /// Motor inertia and friction, on the motor shaft.
+    pub motors: [Motor; 3],
+    /// Friction at the joint: N m or N, N m s or N s/m.
+    pub link_friction: [ViscousCoulomb; 3],
+    /// Rigid-body dynamics of the links.
+    pub dynamics: LinkDynamics,
+    /// Range of each joint, rad or m.
+    pub limits: [[f64; 2]; 3],
+    /// Joint angles at which the encoders are set, rad, rad, m.
+    pub hard_stop: nalgebra::Vector3<f64>,
+}
+
+impl Robot {
+    /// The arm of a robot of kind `raven`.
+    ///
+    /// # Errors
+    /// If the file describes a bench, or lacks a joint, a cable, a motor or a link.
+    pub fn arm(&self) -> Result<Arm> {
+        let wrong =
+            |what: &str| Error::Data(format!("robot `{}`: {what}, but a Raven arm needs it; compare the nominal robot file.", self.name));
+        let KinematicsKind::Raven(kinematics) = &self.kinematics else {
+            return Err(Error::Data(format!("robot `{}` is a bench (kinematics.kind: bench): it has no tip and no arm.", self.name)));
+        };
+        let joints: &[Joint; 3] =
+            self.joints.as_slice().try_into().map_err(|_| wrong(&format!("{} joints are given, not 3", self.joints.len())))?;
+        let links: [Link; 3] =
+            self.links.as_slice().try_into().map_err(|_| wrong(&format!("{} links are given, not 3", self.links.len())))?;
+        let lacks = |joint: &Joint, key: &str| wrong(&format!("joints.{}.{key} is missing", joint.name));
+        let mut cables = [Cable::default(); 3];
+        let mut motors = [Motor::default(); 3];
+        let mut link_friction = [ViscousCoulomb::default(); 3];
+        let mut limits = [[0.0; 2]; 3];
+        for (j, joint) in joints.iter().enumerate() {
+            cables[j] = joint.cable.ok_or_else(|| lacks(joint, "cable"))?;
+            motors[j] = joint.motor.ok_or_else(|| lacks(joint, "motor"))?;
+            link_friction[j] = joint.link_friction.ok_or_else(|| lacks(joint, "link_friction"))?;
+            limits[j] = joint.limits.ok_or_else(|| lacks(joint, "limits"))?;
+        }
+        Ok(Arm {
+            kinematics: *kinematics,
+            transmission: Transmission::new(joints, &self.cable_coupling_matrix()?),
+            cables,
+            motors,
+            link_friction,
+            dynamics: LinkDynamics::new(*kinematics, links, kinematics.gravity()),
+            limits,
+            hard_stop: nalgebra::Vector3::from_fn(|j, _| joints[j].hard_stop),
+        })
+    }
+
+    /// The coupling as a matrix: cable travel, at the joint, is `(1 + C) q`; row is the cable, column the joint that moves it.
+    ///
+    /// # Errors
+    /// If a coupling names a joint that is not there, or itself.
+    pub fn cable_coupling_matrix(&self) -> Result<nalgebra::Matrix3<f64>> {
+        let index = |name: &str| {
+            self.joints.iter().take(3).position(|j| j.name == name).ok_or_else(|| {
+                Error::Data(format!("robot `{}`: cable_coupling names the joint `{name}`, which is not in joints.", self.name))
+            })
+        };
+        let mut matrix = nalgebra::Matrix3::zeros();
+        for coupling in &self.cable_coupling {
+            let (from, to) = (index(&coupling.from)?, index(&coupling.to)?);
+            if from == to {
+                return Err(Error::Data(format!("robot `{}`: cable_coupling couples `{}` to itself.", self.name, coupling.from)));
+            }
+            matrix[(to, from)] += coupling.coefficient;
+        }
+        Ok(matrix)
+    }
+
+    /// The position of a joint in the file.
+    ///
+    /// # Errors
+    /// If no joint has this name; the message lists those there are.
+    pub fn joint_index(&self, name: &str) -> Result<usize> {
+        self.joints.iter().position(|j| j.name == name).ok_or_else(|| {
+            let names: Vec<&str> = self.joints.iter().map(|j| j.name.as_str()).collect();
+            Error::Argument(format!("robot `{}` has no joint `{name}`; it has {}.", self.name, names.join(", ")))
+        })
+    }
+
+    /// The robot as it was before anything was identified: what its controller believed when the logs were recorded.
+    #[must_use]
+    pub fn before_calibration(&self) -> Self {
+        let mut robot = self.clone();
+        for change in std::mem::take(&mut robot.calibration) {
+            if let Some(value) = robot.value_mut(&change.key) {
+                *value = change.prior;
+            }
+        }
+        for joint in &mut robot.joints {
+            joint.motor_at_hard_stop = None;
+        }
+        robot.observation = Observation::default();
+        robot
+    }
+
+    /// The number at a key as [`Provenance`] writes it, such as `joints.shoulder.link_pulley_radius` or `cable_coupling.shoulder.elbow`.
+    pub fn value_mut(&mut self, key: &str) -> Option<&mut f64> {
+        let parts: Vec<&str> = key.split('.').collect();
+        match parts.as_slice() {
+            ["joints", name, rest @ ..] => {
+                let joint = self.joints.iter_mut().find(|j| j.name == *name)?;
+                match rest {
+                    ["gear_ratio"] => Some(&mut joint.gear_ratio),
+                    ["motor_capstan_radius"] => Some(&mut joint.motor_capstan_radius),
+                    ["link_pulley_radius"] => Some(&mut joint.link_pulley_radius),
+                    ["hard_stop"] => Some(&mut joint.hard_stop),
+                    ["cable", "stiffness"] => joint.cable.as_mut().map(|c| &mut c.stiffness),
+                    ["cable", "damping"] => joint.cable.as_mut().map(|c| &mut c.damping),
+                    ["motor", "inertia"] => joint.motor.as_mut().map(|m| &mut m.inertia),
+                    ["motor", "coulomb_friction"] => joint.motor.as_mut().map(|m| &mut m.coulomb_friction),
+                    ["motor", "viscous_friction"] => joint.motor.as_mut().map(|m| &mut m.viscous_friction),
+                    ["link_friction", "coulomb"] => joint.link_friction.as_mut().map(|f| &mut f.coulomb),
+                    ["link_friction", "viscous"] => joint.link_friction.as_mut().map(|f| &mut f.viscous),
+                    _ => None,
+                }
+            }
+            ["cable_coupling", from, to] => {
+                self.cable_coupling.iter_mut().find(|c| c.from == *from && c.to == *to).map(|c| &mut c.coefficient)
+            }
+            ["observation", "latency"] => Some(&mut self.observation.latency),
+            ["observation", "rotation", axis] => self.observation.rotation.get_mut(axis.parse::<usize>().ok()?),
+            ["observation", "translation", axis] => self.observation.translation.get_mut(axis.parse::<usize>().ok()?),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,219 @@
+//! The check values of the robot model, and properties that hold for every arm.
+
+use approx::assert_relative_eq;
+use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
+
+use super::*;
+
+/// The nominal gold arm, as the public controller and dynamic model have it.
+fn nominal() -> Robot {
+    crate::robot::nominal::gold()
+}
+
+fn green() -> Robot {
+    let mut robot = nominal();
+    if let KinematicsKind::Raven(k) = &mut robot.kinematics {
+        k.arm = ArmSide::Green;
+    }
+    robot
+}
+
+fn joint(shoulder_deg: f64, elbow_deg: f64, insertion_m: f64) -> Vector3<f64> {
+    Vector3::new(shoulder_deg.to_radians(), elbow_deg.to_radians(), insertion_m)
+}
+
+#[test]
+fn tip_at_hard_stop_and_home() {
+    let k = nominal().arm().unwrap().kinematics;
+    assert_relative_eq!(k.forward(&joint(0.0, 137.5, 0.562)) * 1e3, Vector3::new(61.665, -16.348, -66.289), epsilon = 1e-3);
+    assert_relative_eq!(k.forward(&joint(30.0, 90.0, 0.40)) * 1e3, Vector3::new(-65.738, -21.308, 11.154), epsilon = 1e-3);
+}
+
+#[test]
+fn motors_at_home() {
+    let t = nominal().arm().unwrap().transmission;
+    let motors = t.motor_from_joint(&joint(30.0, 90.0, 0.40));
+    assert_relative_eq!(motors, Vector3::new(71.3122, 200.1414, 899.6370), epsilon = 1e-4);
+}
+
+#[test]
+fn transmission_ratios_are_the_public_controllers() {
+    let t = nominal().arm().unwrap().transmission;
+    assert_relative_eq!(t.ratio, Vector3::new(136.1963, 121.5221, 2158.5903), epsilon = 1e-3);
+}
+
+#[test]
+fn bias_forces_of_another_rigid_body_engine() {
+    let dynamics = nominal().arm().unwrap().dynamics;
+    let q = joint(45.0, 90.0, 0.35);
+    assert_relative_eq!(dynamics.bias(&q, &Vector3::zeros()), Vector3::new(-1.13046, -0.55510, 3.30727), epsilon = 1e-5);
+    let moving = dynamics.bias(&q, &Vector3::new(0.3, -0.2, 0.05));
+    assert_relative_eq!(moving, Vector3::new(-1.12686, -0.55578, 3.29405), epsilon = 1e-5);
+    let mass = Matrix3::new(0.201528, 0.023559, 0.007343, 0.023559, 0.091293, -0.000048, 0.007343, -0.000048, 0.407);
+    assert_relative_eq!(dynamics.mass_matrix(&q), mass, epsilon = 1e-6);
+}
+
+#[test]
+fn the_depth_noise_of_one_millimetre_seen_at_the_shoulder() {
+    let k = nominal().arm().unwrap().kinematics;
+    for (insertion_m, expected_deg) in [(0.26, 0.28), (0.35, 0.49), (0.40, 0.85)] {
+        let inverse = k.jacobian(&joint(30.0, 90.0, insertion_m)).try_inverse().unwrap();
+        let shoulder_deg = (inverse.row(0).norm() * 1e-3).to_degrees();
+        assert_relative_eq!(shoulder_deg, expected_deg, epsilon = 0.006);
+    }
+}
+
+#[test]
+fn a_wrong_radius_is_no_error_at_the_hard_stop() {
+    let right = nominal().arm().unwrap();
+    let mut wrong = nominal();
+    for (j, joint) in wrong.joints.iter_mut().enumerate() {
+        joint.motor_at_hard_stop = Some(right.transmission.motor_at_hard_stop[j]);
+        joint.link_pulley_radius *= 0.95;
+    }
+    let wrong = wrong.arm().unwrap();
+    let at_stop = wrong.transmission.joint_from_motor(&right.transmission.motor_at_hard_stop);
+    assert_relative_eq!(at_stop, right.hard_stop, epsilon = 1e-12);
+    let home = joint(30.0, 90.0, 0.40);
+    let error = wrong.transmission.joint_from_motor(&right.transmission.motor_from_joint(&home)) - home;
+    assert_relative_eq!(error[0], home[0] * (1.0 / 0.95 - 1.0), epsilon = 1e-12);
+}
+
+#[test]
+fn the_cable_law_is_linear_at_millimetres() {
+    let cable = Cable { stiffness: 720_000.0, damping: 4000.0 };
+    assert_relative_eq!(cable.force(1e-3, 0.0), 2.0 * 720_000.0 * 1e-3, max_relative = 1e-6);
+    assert_relative_eq!(cable.static_stretch_m(cable.force(2e-3, 0.0)), 2e-3, max_relative = 1e-12);
+}
+
+#[test]
+fn links_settle_where_the_cables_hold_them() {
+    let model = LinkModel::new(nominal().arm().unwrap());
+    let motor = model.arm().transmission.motor_from_joint(&joint(45.0, 90.0, 0.35));
+    let settled = model.settled(&motor, &Vector3::zeros());
+    let state = LinkState { position: settled, rate: Vector3::zeros() };
+    assert_relative_eq!(model.acceleration(&state, &motor, &Vector3::zeros()), Vector3::zeros(), epsilon = 1e-3);
+}
+
+#[test]
+fn energy_is_conserved_without_friction_and_cables() {
+    let mut robot = nominal();
+    for joint in &mut robot.joints {
+        joint.link_friction = Some(ViscousCoulomb::default());
+        joint.cable = Some(Cable::default());
+    }
+    let model = LinkModel::new(robot.arm().unwrap());
+    let mut state = LinkState { position: joint(45.0, 90.0, 0.35), rate: Vector3::new(0.3, -0.2, 0.05) };
+    let kinetic = |s: &LinkState| 0.5 * s.rate.dot(&(model.arm().dynamics.mass_matrix(&s.position) * s.rate));
+    let before = kinetic(&state);
+    let mut gravity_work = 0.0;
+    let step_s = 1e-4;
+    for _ in 0..2000 {
+        let power = |s: &LinkState| -model.arm().dynamics.bias(&s.position, &Vector3::zeros()).dot(&s.rate);
+        let start = power(&state);
+        state = model.step(&state, &Vector3::zeros(), &Vector3::zeros(), step_s);
+        gravity_work += 0.5 * (start + power(&state)) * step_s;
+    }
+    assert!((kinetic(&state) - before).abs() > 1e-2, "the links must fall for this to mean anything");
+    assert_relative_eq!(kinetic(&state), before + gravity_work, epsilon = 1e-7);
+}
+
+#[test]
+fn the_file_reads_back_as_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.yaml");
+    let mut robot = nominal();
+    robot.observation = Observation { latency: 0.0156, rotation: [1e-3, -2e-7, 0.0], translation: [0.001, 0.0, -0.002] };
+    robot.joints[0].motor_at_hard_stop = Some(0.0);
+    robot.calibration.push(Provenance {
+        parameter: "r_l1".to_owned(),
+        key: "joints.shoulder.link_pulley_radius".to_owned(),
+        unit: "m".to_owned(),
+        value: 0.0598,
+        std: 1e-5,
+        prior: 0.063095,
+        prior_std: 0.0063,
+        identified: true,
+        method: "batch".to_owned(),
+        logs: vec!["a log, with: signs.mcap".to_owned()],
+        sha256: vec!["00ff".to_owned()],
+    });
+    robot.joints[0].link_pulley_radius = 0.0598;
+    robot.write(&path).unwrap();
+    assert_eq!(Robot::read(&path).unwrap(), robot);
+    assert_eq!(robot.before_calibration().joints[0].link_pulley_radius, 0.063095);
+}
+
+#[test]
+fn a_wrong_unit_or_key_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.yaml");
+    let reads = |text: String| {
+        std::fs::write(&path, text).unwrap();
+        Robot::read(&path).unwrap_err().to_string()
+    };
+    let good = nominal().to_yaml();
+    let millimetres = reads(good.replace("link_pulley_radius: 0.063095", "link_pulley_radius: 63.095"));
+    assert!(millimetres.contains("joints.shoulder.link_pulley_radius is 63.095") && millimetres.contains("millimetres"), "{millimetres}");
+    let degrees = reads(good.replace("hard_stop: 2.399827721492203", "hard_stop: 137.5"));
+    assert!(degrees.contains("joints.elbow.hard_stop is 137.5") && degrees.contains("degrees"), "{degrees}");
+    let key = reads(good.replace("gear_ratio", "gear_ration"));
+    assert!(key.contains("gear_ration") && key.contains("line"), "{key}");
+    assert!(!key.contains('\n'), "{key}");
+}
+
+proptest! {
+    #[test]
+    fn inverse_undoes_forward(
+        shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in prop_oneof![0.23..0.46_f64, 0.48..0.60_f64], gold: bool,
+    ) {
+        let k = if gold { nominal() } else { green() }.arm().unwrap().kinematics;
+        let q = Vector3::new(shoulder, elbow, insertion);
+        let back = k.inverse(&k.forward(&q), k.branch(&q)).unwrap();
+        prop_assert!((back - q).amax() < 1e-10, "{q} came back as {back}");
+    }
+
+    #[test]
+    fn closed_form_equals_the_chain(shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in 0.23..0.60_f64) {
+        let k = nominal().arm().unwrap().kinematics;
+        let (g1, g2) = 75.0_f64.to_radians().sin_cos();
+        let (g3, g4) = 52.0_f64.to_radians().sin_cos();
+        let (t1, t2) = (shoulder + 205.0_f64.to_radians(), elbow + 180.0_f64.to_radians());
+        let rho = insertion - 0.47;
+        let (b1, b2) = (g3 * t2.sin(), g2 * g3 * t2.cos() - g1 * g4);
+        let expected = Vector3::new(
+            rho * (b1 * t1.cos() + b2 * t1.sin()),
+            rho * (-b2 * t1.cos() + b1 * t1.sin()),
+            -rho * (g1 * g3 * t2.cos() + g2 * g4),
+        );
+        prop_assert!((k.forward(&Vector3::new(shoulder, elbow, insertion)) - expected).amax() < 1e-12);
+    }
+
+    #[test]
+    fn jacobian_is_the_slope(shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in 0.23..0.60_f64, gold: bool) {
+        let k = if gold { nominal() } else { green() }.arm().unwrap().kinematics;
+        let q = Vector3::new(shoulder, elbow, insertion);
+        let jacobian = k.jacobian(&q);
+        for j in 0..3 {
+            let mut step = Vector3::zeros();
+            step[j] = 1e-6;
+            let slope = (k.forward(&(q + step)) - k.forward(&(q - step))) / 2e-6;
+            prop_assert!((slope - jacobian.column(j)).amax() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn work_is_the_same_on_both_sides_of_the_cables(force in prop::array::uniform3(-5.0..5.0_f64), rate in prop::array::uniform3(-1.0..1.0_f64)) {
+        let t = nominal().arm().unwrap().transmission;
+        let (tension, rate) = (Vector3::from(force), Vector3::from(rate));
+        let stretch_rate = t.stretch_rate_m_s(&Vector3::zeros(), &rate);
+        prop_assert!((t.joint_force(&tension).dot(&rate) + tension.dot(&stretch_rate)).abs() < 1e-12);
+        prop_assert!((t.tension_n(&t.joint_force(&tension)) - tension).amax() < 1e-12);
+    }
+
+    #[test]
+    fn any_text_is_read_or_refused(text in "\\PC{0,200}") {
+        let _ = crate::files::parse_yaml::<Robot>(std::path::Path::new("x.yaml"), &text);
+    }
+}

@@ -1,0 +1,172 @@
+//! Writing `robot.yaml`: the layout of the nominal file, numbers as every YAML 1.1 reader takes for floats.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::{Joint, JointType, KinematicsKind, Observation, Provenance, Robot, SourceFormat};
+use crate::files::{self, yaml_float, yaml_list as list, yaml_string};
+use crate::{Result, robot::ArmSide};
+
+impl Robot {
+    /// Writes the file in one step; the old one stays until the new one is whole.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        files::write_atomic(path, self.to_yaml().as_bytes())
+    }
+
+    /// The file's text.
+    #[must_use]
+    pub fn to_yaml(&self) -> String {
+        let mut text =
+            String::from("# SI units throughout: m, rad, kg, s, N, N m. `calibration` says where each changed value came from.\n");
+        let mut line = |s: String| {
+            text.push_str(&s);
+            text.push('\n');
+        };
+        line("format: raven-robot/1".to_owned());
+        line(format!("name: {}", yaml_string(&self.name)));
+        match &self.kinematics {
+            KinematicsKind::Bench => line("kinematics: {kind: bench}".to_owned()),
+            KinematicsKind::Raven(k) => {
+                let arm = match k.arm {
+                    ArmSide::Gold => "gold",
+                    ArmSide::Green => "green",
+                };
+                line("kinematics:".to_owned());
+                line("  kind: raven".to_owned());
+                line(format!("  arm: {arm}"));
+                line(format!("  link_angle_12: {}", yaml_float(k.link_angle_12)));
+                line(format!("  link_angle_23: {}", yaml_float(k.link_angle_23)));
+                line(format!("  wrist_offset: {}", yaml_float(k.wrist_offset)));
+                line(format!("  gravity: {}", list(&k.gravity_array())));
+            }
+        }
+        let format = match self.source.format {
+            SourceFormat::RavenState => "raven_state",
+            SourceFormat::JointState => "joint_state",
+        };
+        line(format!("source: {{topic: {}, format: {format}}}", yaml_string(&self.source.topic)));
+        if let Some(encoder) = self.encoder {
+            line(format!("encoder: {{counts_per_revolution: {}}}", yaml_float(encoder.counts_per_revolution)));
+        }
+        line("joints:".to_owned());
+        for joint in &self.joints {
+            line(joint_yaml(joint));
+        }
+        if self.cable_coupling.is_empty() {
+            line("cable_coupling: []".to_owned());
+        } else {
+            line("cable_coupling:".to_owned());
+        }
+        for c in &self.cable_coupling {
+            let coefficient = yaml_float(c.coefficient);
+            line(format!("  - {{from: {}, to: {}, coefficient: {coefficient}}}", yaml_string(&c.from), yaml_string(&c.to)));
+        }
+        line(if self.links.is_empty() { "links: []" } else { "links:" }.to_owned());
+        for link in &self.links {
+            let (mass, center, inertia) = (yaml_float(link.mass), list(&link.center_of_mass), list(&link.inertia));
+            line(format!("  - {{mass: {mass}, center_of_mass: {center}, inertia: {inertia}}}"));
+        }
+        line(self.tolerances_yaml());
+        if self.observation != Observation::default() {
+            line(observation_yaml(&self.observation));
+        }
+        if !self.calibration.is_empty() {
+            line("calibration:".to_owned());
+        }
+        for change in &self.calibration {
+            line(provenance_yaml(change));
+        }
+        text
+    }
+
+    fn tolerances_yaml(&self) -> String {
+        let t = &self.tolerances;
+        let mut text = String::from("tolerances:");
+        for (key, value) in [
+            ("radius", t.radius),
+            ("hard_stop", t.hard_stop),
+            ("cable_coupling", t.cable_coupling),
+            ("stiffness", t.stiffness),
+            ("damping", t.damping),
+            ("motor_inertia", t.motor_inertia),
+            ("motor_friction", t.motor_friction),
+            ("link_friction", t.link_friction),
+            ("link_inertia", t.link_inertia),
+            ("torque_gain", t.torque_gain),
+            ("link_angle_rad", t.link_angle_rad),
+            ("tool_length_m", t.tool_length_m),
+            ("camera_rotation_rad", t.camera_rotation_rad),
+            ("camera_translation_m", t.camera_translation_m),
+            ("stereo_scale", t.stereo_scale),
+            ("latency_s", t.latency_s),
+            ("clock_drift", t.clock_drift),
+        ] {
+            let _ = write!(text, "\n  {key}: {}", yaml_float(value));
+        }
+        text
+    }
+}
+
+fn joint_yaml(joint: &Joint) -> String {
+    let kind = match joint.kind {
+        JointType::Revolute => "revolute",
+        JointType::Prismatic => "prismatic",
+    };
+    let mut text = format!("  - name: {}\n    type: {kind}", yaml_string(&joint.name));
+    let mut key = |name: &str, value: f64| {
+        let _ = write!(text, "\n    {name}: {}", yaml_float(value));
+    };
+    key("gear_ratio", joint.gear_ratio);
+    key("motor_capstan_radius", joint.motor_capstan_radius);
+    key("link_pulley_radius", joint.link_pulley_radius);
+    key("hard_stop", joint.hard_stop);
+    if let Some(motor) = joint.motor_at_hard_stop {
+        key("motor_at_hard_stop", motor);
+    }
+    if let Some(limits) = joint.limits {
+        let _ = write!(text, "\n    limits: {}", list(&limits));
+    }
+    if let Some(c) = joint.cable {
+        let _ = write!(text, "\n    cable: {{stiffness: {}, damping: {}}}", yaml_float(c.stiffness), yaml_float(c.damping));
+    }
+    if let Some(m) = joint.motor {
+        let (inertia, coulomb, viscous) = (yaml_float(m.inertia), yaml_float(m.coulomb_friction), yaml_float(m.viscous_friction));
+        let _ = write!(text, "\n    motor: {{inertia: {inertia}, coulomb_friction: {coulomb}, viscous_friction: {viscous}}}");
+    }
+    if let Some(f) = joint.link_friction {
+        let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
+    }
+    text
+}
+
+fn observation_yaml(observation: &Observation) -> String {
+    format!(
+        "observation:            # the tip at stamp t is the robot's at t - latency, turned about the tip at the hard stop, and moved\n  \
+         latency: {}\n  rotation: {}\n  translation: {}",
+        yaml_float(observation.latency),
+        list(&observation.rotation),
+        list(&observation.translation)
+    )
+}
+
+fn provenance_yaml(change: &Provenance) -> String {
+    let strings = |values: &[String]| format!("[{}]", values.iter().map(|v| yaml_string(v)).collect::<Vec<_>>().join(", "));
+    format!(
+        "  - parameter: {}\n    key: {}\n    unit: {}\n    value: {}\n    std: {}\n    prior: {}\n    prior_std: {}\n    identified: {}\n    \
+         method: {}\n    logs: {}\n    sha256: {}",
+        yaml_string(&change.parameter),
+        yaml_string(&change.key),
+        yaml_string(&change.unit),
+        yaml_float(change.value),
+        yaml_float(change.std),
+        yaml_float(change.prior),
+        yaml_float(change.prior_std),
+        change.identified,
+        yaml_string(&change.method),
+        strings(&change.logs),
+        strings(&change.sha256),
+    )
+}
