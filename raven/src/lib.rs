@@ -8,6 +8,7 @@ pub mod camera;
 pub mod cli;
 pub mod error;
 pub mod files;
+pub mod filter;
 pub mod robot;
 
 pub use error::{Error, Result};

@@ -1,0 +1,11 @@
+//! Square-root filters: the array unscented Kalman filter and the state equations that it runs on.
+
+mod array;
+mod srukf;
+mod states;
+
+pub use srukf::{Innovation, SquareRootUkf};
+pub use states::{BiasStates, PaperStates, StateEquation};
+
+#[cfg(test)]
+mod tests;
