@@ -10,5 +10,6 @@ pub mod error;
 pub mod files;
 pub mod filter;
 pub mod robot;
+pub mod stats;
 
 pub use error::{Error, Result};
