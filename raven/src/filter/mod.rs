@@ -1,9 +1,11 @@
 //! Square-root filters: the array unscented Kalman filter and the state equations that it runs on.
 
 mod array;
+mod run;
 mod srukf;
 mod states;
 
+pub use run::{FilterRun, MotorTrack, PAUSE_MAX_S, TipAt, run};
 pub use srukf::{Innovation, SquareRootUkf};
 pub use states::{BiasStates, PaperStates, StateEquation};
 
