@@ -5,7 +5,7 @@ mod run;
 mod srukf;
 mod states;
 
-pub use run::{FilterRun, MotorTrack, PAUSE_MAX_S, TipAt, run};
+pub use run::{FilterRun, TipAt, run};
 pub use srukf::{Innovation, SquareRootUkf};
 pub use states::{BiasStates, PaperStates, StateEquation};
 

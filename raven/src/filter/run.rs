@@ -3,17 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Innovation, SquareRootUkf, StateEquation};
-use crate::robot::Kinematics;
+use crate::robot::{Kinematics, MotorTrack, PAUSE_MAX_S};
 use crate::stats::chi_square_quantile;
-
-/// Motor angles over time.
-#[derive(Debug, Clone, Default)]
-pub struct MotorTrack {
-    /// [s], increasing.
-    pub time_s: Vec<f64>,
-    /// [rad].
-    pub angle: Vec<Vector3<f64>>,
-}
 
 /// A tip seen by the cameras, at the time the robot had it there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,9 +31,6 @@ pub struct FilterRun {
     /// Pauses in the log after which the filter started anew.
     pub restarts: usize,
 }
-
-/// Longest pause between motor samples that is bridged [s]; beyond it the filter starts anew.
-pub const PAUSE_MAX_S: f64 = 0.5;
 
 /// Chance that a good observation is refused by the gate.
 const GATE_REFUSES: f64 = 1e-6;

@@ -7,9 +7,6 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::robot::{LinkModel, LinkState};
 
-/// Longest integration step [s]: half the stability limit of order-four Runge-Kutta at the nominal insertion cable's fast pole.
-const STEP_MAX_S: f64 = 0.7e-3;
-
 /// A state equation with `N` states driven by motor angles.
 pub trait StateEquation<const N: usize> {
     /// State after `step_s`, the motors moving steadily from `motor` [rad] at `motor_rate` [rad/s].
@@ -42,21 +39,12 @@ impl PaperStates {
     pub fn new(model: LinkModel) -> Self {
         Self { model, rate_noise: Vector3::new(0.02, 0.02, 0.005) }
     }
-
-    fn integrate(&self, mut state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> LinkState {
-        let steps = (step_s / STEP_MAX_S).ceil().max(1.0);
-        let step = step_s / steps;
-        for i in 0..steps as usize {
-            state = self.model.step(&state, &(motor + motor_rate * (i as f64 * step)), motor_rate, step);
-        }
-        state
-    }
 }
 
 impl StateEquation<6> for PaperStates {
     fn transition(&self, state: &SVector<f64, 6>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, 6> {
         let links = LinkState { position: state.fixed_rows::<3>(0).into(), rate: state.fixed_rows::<3>(3).into() };
-        let links = self.integrate(links, motor, motor_rate, step_s);
+        let links = self.model.advance(links, motor, motor_rate, step_s);
         let mut next = SVector::<f64, 6>::zeros();
         next.fixed_rows_mut::<3>(0).copy_from(&links.position);
         next.fixed_rows_mut::<3>(3).copy_from(&links.rate);
@@ -108,7 +96,7 @@ impl StateEquation<9> for BiasStates {
         let bias: Vector3<f64> = state.fixed_rows::<3>(6).into();
         let unbiased: Vector3<f64> = state.fixed_rows::<3>(0) - bias;
         let links = LinkState { position: unbiased, rate: state.fixed_rows::<3>(3).into() };
-        let links = self.paper.integrate(links, motor, motor_rate, step_s);
+        let links = self.paper.model.advance(links, motor, motor_rate, step_s);
         let mut next = *state;
         next.fixed_rows_mut::<3>(0).copy_from(&(links.position + bias));
         next.fixed_rows_mut::<3>(3).copy_from(&links.rate);
