@@ -6,8 +6,6 @@ use raven::stats::median;
 
 /// Half of the window over which a speed is taken [s]: a count of the encoder is then 1e-3 of the slowest speed that matters.
 const HALF_WINDOW_S: f64 = 0.02;
-/// Shortest hole that counts as a gap [s]: at 5 rad/s^2 a line across it is off by less than the tip's noise.
-const SHORTEST_GAP_S: f64 = 0.02;
 
 /// Motor angles of one recording.
 #[derive(Debug, Clone)]
@@ -19,16 +17,15 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// From the samples; `None` if there are fewer than two.
+    /// From the samples, of which those further apart than `longest_joined_s` have a gap between them; `None` of fewer than two.
     #[must_use]
-    pub fn new(track: MotorTrack) -> Option<Self> {
+    pub fn new(track: MotorTrack, longest_joined_s: f64) -> Option<Self> {
         if track.time_s.len() < 2 || track.time_s.len() != track.angle.len() {
             return None;
         }
         let steps: Vec<f64> = track.time_s.windows(2).map(|w| w[1] - w[0]).collect();
         let period_s = median(&steps)?;
-        let gap_s = SHORTEST_GAP_S.max(3.0 * period_s);
-        let gaps_s = track.time_s.windows(2).filter(|w| w[1] - w[0] > gap_s).map(|w| [w[0], w[1]]).collect();
+        let gaps_s = track.time_s.windows(2).filter(|w| w[1] - w[0] > longest_joined_s).map(|w| [w[0], w[1]]).collect();
         Some(Self { track, half_window_s: HALF_WINDOW_S.max(period_s), gaps_s })
     }
 
@@ -85,7 +82,7 @@ mod tests {
     fn sine(times: impl Iterator<Item = f64>) -> Motion {
         let time_s: Vec<f64> = times.collect();
         let angle = time_s.iter().map(|t| Vector3::new(t.sin(), 2.0 * t.sin(), 0.0)).collect();
-        Motion::new(MotorTrack { time_s, angle }).unwrap()
+        Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap()
     }
 
     #[test]
@@ -106,6 +103,6 @@ mod tests {
         assert!(motion.covers(1.2, 2.0));
         assert!(!motion.covers(-0.1, 0.5));
         assert_eq!(motion.gaps(), 1);
-        assert!(Motion::new(MotorTrack { time_s: vec![0.0], angle: vec![Vector3::zeros()] }).is_none());
+        assert!(Motion::new(MotorTrack { time_s: vec![0.0], angle: vec![Vector3::zeros()] }, 0.02).is_none());
     }
 }
