@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Parser, ValueEnum};
+use clap::{Parser, Subcommand, ValueEnum};
 use raven::{Error, Result};
 
 const EXAMPLES: &str = "\
 Examples:
   raven-identify tracked.mcap --robot robot.yaml --cameras cameras.yaml -o identified.yaml
+  raven-identify export identified.yaml --format r2params --base r2params.yaml -o r2params_calibrated.yaml
   raven-identify day1.mcap day2.mcap --robot robot.yaml --cameras cameras.yaml --parameters r_l,offset,latency -o identified.yaml
 
 Parameters: r_l1..3, offset_1..3, coupling_12, coupling_13, coupling_23, k_e1..3, F_c1..3, latency, rotation_x..z,
@@ -15,11 +16,49 @@ translation_x..z; the groups r_l, offset, coupling, k_e, F_c, registration; all.
 
 /// Identifies kinematic and cable parameters from recordings
 #[derive(Debug, Clone, Parser)]
-#[command(name = "raven-identify", version, after_help = EXAMPLES)]
+#[command(name = "raven-identify", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 pub struct Args {
+    /// Something else than an identification.
+    #[command(subcommand)]
+    pub command: Option<Command>,
     /// Identification.
     #[command(flatten)]
     pub identify: Identify,
+}
+
+/// What else the program does.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Command {
+    /// Writes what the robot's controller loads
+    Export(Export),
+}
+
+/// Arguments of an export.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Export {
+    /// Robot file that raven-identify wrote
+    #[arg(value_name = "IDENTIFIED")]
+    pub identified: PathBuf,
+    /// What to write
+    #[arg(long, value_enum)]
+    pub format: Format,
+    /// The lab's own r2params.yaml, whose other lines stay as they are
+    #[arg(long, value_name = "FILE")]
+    pub base: Option<PathBuf>,
+    /// File to write; what was there is kept as FILE.old; - for standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// What the controller loads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// The controller's parameter file with the calibrated lists added
+    R2params,
+    /// A C header that overrides the controller's constants
+    Defines,
+    /// All numbers under neutral names for the parameter server
+    Rosparam,
 }
 
 /// Arguments of an identification.

@@ -6,6 +6,7 @@
 
 pub mod args;
 pub mod batch;
+pub mod export;
 pub mod identified;
 pub mod motion;
 pub mod parameters;
@@ -20,6 +21,7 @@ use std::path::Path;
 use std::time::Instant;
 
 pub use args::Args;
+use args::Command;
 use identified::Finding;
 use parameters::Selection;
 use prediction::Problem;
@@ -35,12 +37,16 @@ use report::Report;
 /// # Errors
 /// With a sentence, if an argument is wrong, a file cannot be read or written, or the recordings do not carry an estimate.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
-    identify(&args.identify, out)
+    match &args.command {
+        Some(Command::Export(export)) => export::run(export, out),
+        None => identify(&args.identify, out),
+    }
 }
 
 fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let start = Instant::now();
     let robot = Robot::read(args.robot()?)?;
+    robot.arm()?;
     let quality = args.cameras.as_deref().map_or_else(|| Ok(Quality::default()), |path| Cameras::read(path).map(|c| c.quality))?;
     let selection = args.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
     let unknowns = priors::unknowns(&robot, &selection, &quality)?;
@@ -65,7 +71,12 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(path) = &args.json {
         cli::write_json(path, &report)?;
     }
-    out.write_all(report.table().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
+    print(out, &report.table())?;
     recordings.lost.iter().chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// Writes to standard output, or whatever stands in for it.
+pub(crate) fn print(out: &mut dyn Write, text: &str) -> Result<()> {
+    out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write to", e))
 }

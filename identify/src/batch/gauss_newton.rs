@@ -37,15 +37,15 @@ pub struct Minimum {
     pub loss: Cauchy,
 }
 
-/// Derivatives of every residual, one list per unknown.
+/// Derivatives of every residual, one list per unknown asked for.
 pub type Jacobian = Vec<Vec<Vector3<f64>>>;
 
-/// Central differences, the unknowns in parallel.
+/// Central differences by the unknowns in `columns`, in parallel.
 ///
 /// # Errors
 /// As the residuals.
-pub fn jacobian(problem: &impl Residuals, z: &DVector<f64>) -> Result<Jacobian> {
-    let column = |k: usize| -> Result<Vec<Vector3<f64>>> {
+pub fn jacobian(problem: &impl Residuals, z: &DVector<f64>, columns: &[usize]) -> Result<Jacobian> {
+    let column = |&k: &usize| -> Result<Vec<Vector3<f64>>> {
         let at = |step: f64| {
             let mut moved = z.clone();
             moved[k] += step;
@@ -54,7 +54,7 @@ pub fn jacobian(problem: &impl Residuals, z: &DVector<f64>) -> Result<Jacobian> 
         let (ahead, behind) = (at(DIFFERENCE)?, at(-DIFFERENCE)?);
         Ok(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * DIFFERENCE)).collect())
     };
-    (0..problem.unknowns()).into_par_iter().map(column).collect()
+    columns.par_iter().map(column).collect()
 }
 
 /// The most probable values of the unknowns in `free`, from `start`; the others stay at their prior.
@@ -70,15 +70,15 @@ pub fn minimize(problem: &impl Residuals, free: &[usize], tempering: f64, start:
     let mut loss = Cauchy::of(&residuals);
     let mut damping = DAMPING;
     for _ in 0..STEPS_MAX {
-        let jacobian = jacobian(problem, &z)?;
+        let jacobian = jacobian(problem, &z, free)?;
         let weights: Vec<f64> = residuals.iter().map(|r| loss.weight(r) / tempering).collect();
         let n = free.len();
         let mut hessian = DMatrix::identity(n, n);
         let mut gradient = DVector::from_iterator(n, free.iter().map(|&k| z[k]));
-        for (a, &k) in free.iter().enumerate() {
-            gradient[a] += dot(&weights, &jacobian[k], &residuals);
-            for (b, &l) in free.iter().enumerate().take(a + 1) {
-                hessian[(a, b)] += dot(&weights, &jacobian[k], &jacobian[l]);
+        for a in 0..n {
+            gradient[a] += dot(&weights, &jacobian[a], &residuals);
+            for b in 0..=a {
+                hessian[(a, b)] += dot(&weights, &jacobian[a], &jacobian[b]);
                 hessian[(b, a)] = hessian[(a, b)];
             }
         }
@@ -116,7 +116,7 @@ pub fn minimize(problem: &impl Residuals, free: &[usize], tempering: f64, start:
 }
 
 /// `sum w_i a_i . b_i`.
-pub(super) fn dot(weights: &[f64], a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+fn dot(weights: &[f64], a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     weights.iter().zip(a).zip(b).map(|((w, a), b)| w * a.dot(b)).sum()
 }
 

@@ -92,10 +92,11 @@ fn tempered(
     start: &DVector<f64>,
 ) -> Result<(gauss_newton::Minimum, Curvature)> {
     let mut start = start.clone();
+    let all: Vec<usize> = (0..problem.unknowns()).collect();
     let mut round = 0;
     loop {
         let minimum = minimize(problem, free, *tempering, &start)?;
-        let jacobian = jacobian(problem, &minimum.z)?;
+        let jacobian = jacobian(problem, &minimum.z, &all)?;
         let curvature = Curvature::new(&minimum, &jacobian, block, *tempering);
         let wanted = (*tempering * curvature.overdispersion(free)).max(1.0);
         round += 1;
