@@ -277,11 +277,9 @@ fn the_header_compiles_alone() {
     }
     let folder = Folder::new(&identified("gold"));
     folder.export("defines", None, "defines_calibrated.h").unwrap();
-    for language in ["c", "c++"] {
-        let header = folder.path("defines_calibrated.h");
-        let output = Command::new("gcc").args(["-Wall", "-Werror", "-fsyntax-only", "-x", language]).arg(header).output().unwrap();
-        assert!(output.status.success() || language == "c++" && !output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
-    }
+    let header = folder.path("defines_calibrated.h");
+    let output = Command::new("gcc").args(["-Wall", "-Werror", "-fsyntax-only", "-x", "c"]).arg(header).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]
