@@ -9,6 +9,7 @@ pub mod cli;
 pub mod error;
 pub mod files;
 pub mod filter;
+pub mod log;
 pub mod plot;
 pub mod robot;
 pub mod stats;
