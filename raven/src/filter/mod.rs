@@ -2,11 +2,13 @@
 
 mod array;
 mod run;
+mod smoother;
 mod srukf;
 mod states;
 
-pub use run::{FilterRun, TipAt, run};
-pub use srukf::{Innovation, SquareRootUkf};
+pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
+pub use smoother::{Smoothed, smooth};
+pub use srukf::{Innovation, SmootherStep, SquareRootUkf};
 pub use states::{BiasStates, PaperStates, StateEquation};
 
 #[cfg(test)]

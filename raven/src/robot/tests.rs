@@ -182,6 +182,21 @@ fn a_wrong_unit_or_key_is_named() {
 
 proptest! {
     #[test]
+    fn mass_matrix_is_what_the_recursion_says_of_unit_accelerations(
+        shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in 0.23..0.60_f64, payload in 0.0..0.5_f64, gold: bool,
+    ) {
+        let dynamics = if gold { nominal() } else { green() }.arm().unwrap().dynamics.with_payload(payload);
+        let q = Vector3::new(shoulder, elbow, insertion);
+        let rest = dynamics.bias(&q, &Vector3::zeros());
+        let mass = dynamics.mass_matrix(&q);
+        for j in 0..3 {
+            let unit = Vector3::from_fn(|i, _| f64::from(u8::from(i == j)));
+            let column = dynamics.inverse(&q, &Vector3::zeros(), &unit) - rest;
+            prop_assert!((mass.column(j) - column).amax() < 1e-12);
+        }
+    }
+
+    #[test]
     fn inverse_undoes_forward(
         shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in prop_oneof![0.23..0.46_f64, 0.48..0.60_f64], gold: bool,
     ) {
