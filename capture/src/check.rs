@@ -106,7 +106,8 @@ fn render(survey: &Survey, steps: &[Step]) -> Result<String, std::fmt::Error> {
 fn topic_rows(survey: &Survey, origin: Option<raven::log::Stamp>) -> Vec<Vec<String>> {
     let titles =
         ["topic", "messages", "rate/Hz", "median/ms", "longest/ms", "gaps", "repeated", "back", "first/s", "last/s", "encoding", "schema"];
-    let number = |value: Option<f64>, scale: f64, digits: usize| value.map_or("-".to_owned(), |value| format!("{:.digits$}", scale * value));
+    let number =
+        |value: Option<f64>, scale: f64, digits: usize| value.map_or("-".to_owned(), |value| format!("{:.digits$}", scale * value));
     let row = |topic: &TopicSurvey| {
         let quality = &topic.quality;
         let since = |stamp: Option<raven::log::Stamp>| number(stamp.zip(origin).map(|(s, origin)| s.seconds_since(origin)), 1.0, 3);

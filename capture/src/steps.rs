@@ -32,17 +32,19 @@ pub fn steps(survey: &Survey) -> Vec<Step> {
     let no_tip = (!tip).then_some(if left && right { "/tip: run raven-track" } else { "/tip, or images to track it in" });
     // A bench measures its joint directly: its robot file asks for no tip.
     let on_bench = bench && !tip && !left && !right;
-    let no_tip = no_tip.filter(|_| !on_bench);
+    let (no_tip_at_all, no_tip) = (no_tip, no_tip.filter(|_| !on_bench));
+    let torque = survey.torque_recorded == Some(true);
+    let torque_only = if tip { "" } else { "without /tip: by torque alone" };
     let bench_only = if on_bench { "as a bench, with a robot file of that kind" } else { "" };
     let validation = if has(topics::JOINT_ENCODERS) { "" } else { "without /joint_encoders there is no error to report" };
-    let no_torque = if survey.torque_recorded == Some(false) { "without torque: nothing about stiffness or friction" } else { "" };
+    let no_torque = if motor && !torque { "without torque: nothing about stiffness or friction" } else { "" };
     vec![
         step("raven-calibrate cameras", &[no_images], ""),
         step("raven-calibrate register", &[no_images, no_motor], ""),
         step("raven-track", &[no_images], ""),
         step("raven-identify", &[no_motor, no_tip], if bench_only.is_empty() { no_torque } else { bench_only }),
-        step("raven-replay", &[no_motor, (!tip).then_some("/tip: run raven-track")], validation),
-        step("raven-diagnose", &[no_motor, no_tip], bench_only),
+        step("raven-replay", &[no_motor, no_tip_at_all], validation),
+        step("raven-diagnose", &[no_motor, no_tip.filter(|_| !torque)], if bench_only.is_empty() { torque_only } else { bench_only }),
     ]
 }
 

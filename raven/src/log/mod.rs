@@ -19,6 +19,8 @@ mod robot_state;
 mod series;
 mod stamp;
 mod survey;
+#[cfg(test)]
+mod tests;
 mod tip;
 mod walk;
 mod write_protobuf;
