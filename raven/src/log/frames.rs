@@ -74,7 +74,7 @@ pub struct CameraFrame {
 }
 
 /// Reads the frames of one channel.
-enum FrameDecoder {
+pub(super) enum FrameDecoder {
     Ros1Compressed(Extractor),
     Ros1Raw(Extractor),
     ProtobufCompressed,
@@ -84,7 +84,9 @@ enum FrameDecoder {
 const HEADER: [&str; 3] = ["header.stamp", "header.frame_id", "header.seq"];
 
 impl FrameDecoder {
-    fn new(channel: &Channel) -> Result<Self, String> {
+    /// # Errors
+    /// Half a sentence about the channel.
+    pub(super) fn new(channel: &Channel) -> Result<Self, String> {
         let [stamp, frame_id, seq] = HEADER;
         let compiled = |wanted: &[&str]| -> Result<Extractor, String> {
             let extractor = ros1_extractor(channel, wanted)?;
@@ -104,7 +106,8 @@ impl FrameDecoder {
         }
     }
 
-    fn decode(&self, side: Side, message: &RawMessage<'_>) -> Option<CameraFrame> {
+    /// The frame; `None` if the message does not fit its definition.
+    pub(super) fn decode(&self, side: Side, message: &RawMessage<'_>) -> Option<CameraFrame> {
         let counted = |number: u64| Some(number).filter(|&number| number > 0);
         let frame = |stamp: Option<Stamp>, frame_id: String, sequence: Option<u64>, data| CameraFrame {
             side,

@@ -193,6 +193,7 @@ impl<'s> Reader<'s> {
             Item::Attachment(attachment) => {
                 self.attachments.insert(attachment.name, attachment.data);
             }
+            Item::Start(_) => {}
             Item::Metadata(name, pairs) => {
                 if name == "session" {
                     self.session.extend(pairs);

@@ -214,8 +214,25 @@ mod tests {
             ($($field:ident),*) => { RavenState { $($field: std::array::from_fn(|_| number() as _),)* ..RavenState::default() } };
         }
         let mut state = fill!(
-            mechanism_type, pos_um, ori, ori_d, pos_d_um, dt, encoder_counts, dac, tau, mpos_deg, jpos_deg, mvel_deg_s, jvel_deg_s,
-            mpos_d_deg, jpos_d_deg, grasp_d, encoder_offsets, jac_vel, jac_f
+            mechanism_type,
+            pos_um,
+            ori,
+            ori_d,
+            pos_d_um,
+            dt,
+            encoder_counts,
+            dac,
+            tau,
+            mpos_deg,
+            jpos_deg,
+            mvel_deg_s,
+            jvel_deg_s,
+            mpos_d_deg,
+            jpos_d_deg,
+            grasp_d,
+            encoder_offsets,
+            jac_vel,
+            jac_f
         );
         (state.runlevel, state.sublevel, state.last_seq) = (-1, -2, -3);
         let wire = state.encode(Stamp::from_ros(5, 6));

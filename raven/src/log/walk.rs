@@ -51,11 +51,17 @@ pub struct Attachment {
     pub media_type: String,
     /// Contents.
     pub data: Vec<u8>,
+    /// When it was stored.
+    pub log_time: Stamp,
+    /// When the file was made.
+    pub create_time: Stamp,
 }
 
 /// What a walk comes upon.
 #[derive(Debug)]
 pub enum Item<'a> {
+    /// The start of the file, with its profile: `ros1` or nothing.
+    Start(String),
     /// A topic, before its first message.
     Channel(&'a Arc<Channel>),
     /// A message.
@@ -85,7 +91,7 @@ pub struct Walker {
     length: u64,
     buffer: Vec<u8>,
     known: Known,
-    profile: String,
+    expected_messages: Option<u64>,
     past_data: bool,
     done: bool,
     damage: Option<Damage>,
@@ -127,23 +133,23 @@ impl Walker {
             length,
             buffer: Vec::new(),
             known: Known::default(),
-            profile: String::new(),
+            expected_messages: None,
             past_data: false,
             done: false,
             damage: None,
         })
     }
 
-    /// The profile in the file's header, known after the first step.
-    #[must_use]
-    pub fn profile(&self) -> &str {
-        &self.profile
-    }
-
     /// Messages met so far.
     #[must_use]
     pub const fn messages(&self) -> u64 {
         self.known.messages
+    }
+
+    /// How many messages the file says it has; known at the end of a walk, unless the file was cut off.
+    #[must_use]
+    pub const fn expected_messages(&self) -> Option<u64> {
+        self.expected_messages
     }
 
     /// Bytes of the file.
@@ -242,11 +248,16 @@ impl Walker {
                 }
             }
             op::DATA_END => self.past_data = true,
-            // The summary repeats what the data section has said.
+            op::STATISTICS => {
+                if let Ok(Record::Statistics(statistics)) = mcap::parse_record(opcode, body) {
+                    self.expected_messages = Some(statistics.message_count);
+                }
+            }
+            // The rest of the summary repeats what the data section has said.
             _ if self.past_data => {}
             op::CHUNK => return read_records(&mut self.buffer.as_slice(), true, &mut self.known, visit),
             op::HEADER => match mcap::parse_record(opcode, body) {
-                Ok(Record::Header(header)) => self.profile = header.profile,
+                Ok(Record::Header(header)) => visit(Item::Start(header.profile))?,
                 Ok(_) => {}
                 Err(fault) => return Ok(Err(fault)),
             },
@@ -342,8 +353,13 @@ impl Known {
                 Ok(())
             }
             Record::Attachment { header, data, .. } => {
-                let (name, media_type) = (header.name, header.media_type);
-                visit(Item::Attachment(Attachment { name, media_type, data: data.into_owned() }))?;
+                visit(Item::Attachment(Attachment {
+                    name: header.name,
+                    media_type: header.media_type,
+                    data: data.into_owned(),
+                    log_time: Stamp(header.log_time),
+                    create_time: Stamp(header.create_time),
+                }))?;
                 Ok(())
             }
             _ => Ok(()),
