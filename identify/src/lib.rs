@@ -36,7 +36,7 @@ use report::Report;
 ///
 /// # Errors
 /// With a sentence, if an argument is wrong, a file cannot be read or written, or the recordings do not carry an estimate.
-pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match &args.command {
         Some(Command::Export(export)) => export::run(export, out),
         None => identify(&args.identify, out),
@@ -71,7 +71,9 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(path) = &args.json {
         cli::write_json(path, &report)?;
     }
-    print(out, &report.table())?;
+    if args.json.as_deref() != Some(Path::new("-")) {
+        print(out, &report.table())?;
+    }
     recordings.lost.iter().chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }

@@ -6,5 +6,5 @@ use clap::Parser;
 use raven_identify::{Args, run};
 
 fn main() -> ExitCode {
-    raven::cli::exit(run(&Args::parse(), &mut std::io::stdout().lock()))
+    raven::cli::exit(run(Args::parse(), &mut std::io::stdout().lock()))
 }

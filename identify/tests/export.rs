@@ -75,7 +75,7 @@ impl Folder {
         if let Some(base) = base {
             line.extend(["--base".into(), self.path(base).into_os_string()]);
         }
-        match run(&Args::try_parse_from(line).map_err(|e| e.to_string())?, &mut Vec::new()) {
+        match run(Args::try_parse_from(line).map_err(|e| e.to_string())?, &mut Vec::new()) {
             Ok(Outcome::Done) => Ok(self.read(output)),
             Ok(Outcome::DataLost) => Err("data lost".to_owned()),
             Err(error) => Err(error.to_string()),
