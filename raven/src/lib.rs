@@ -9,5 +9,6 @@ pub mod cli;
 pub mod error;
 pub mod files;
 pub mod robot;
+pub mod simulation;
 
 pub use error::{Error, Result};
