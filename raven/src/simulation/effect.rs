@@ -24,12 +24,20 @@ pub struct Effect {
     #[serde(rename = "joint")]
     pub target: Option<String>,
     /// Its numbers, in the order of [`EffectKind::values`].
-    #[serde(rename = "magnitude")]
+    #[serde(rename = "magnitude", serialize_with = "magnitude")]
     pub values: Vec<f64>,
 }
 
 fn id<S: serde::Serializer>(kind: &EffectKind, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(kind.row().id)
+}
+
+/// One number alone, several as a list.
+fn magnitude<S: serde::Serializer>(values: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
+    match values {
+        [value] => value.serialize(serializer),
+        several => several.serialize(serializer),
+    }
 }
 
 /// What an effect belongs to.

@@ -10,14 +10,24 @@ mod friction;
 mod machine;
 mod motion;
 mod plant;
+mod rig;
+mod session;
+mod shutter;
+mod state;
+mod tip;
 mod trace;
+mod truth;
 
 pub use controller::{CYCLE_S, Controller, Cycle, SetPoint};
 pub use effect::{Effect, EffectKind, Scope, Value};
 pub use machine::{Drive, Load, Machine};
 pub use motion::{Limits, Motion, Trajectory};
 pub use plant::{Plant, PlantState, STEP_S};
+pub use rig::Rig;
+pub use session::{Options, Session, Written};
+pub use shutter::{Delays, Exposure};
 pub use trace::{Recorder, Sample, Trace};
+pub use truth::{Hidden, MARKER_RADIUS_M, Truth};
 
 #[cfg(test)]
 mod tests;

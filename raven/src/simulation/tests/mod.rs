@@ -2,6 +2,7 @@
 
 mod effects;
 mod plant;
+mod session;
 
 use nalgebra::Vector3;
 
