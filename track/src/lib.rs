@@ -4,3 +4,7 @@ pub mod centre;
 pub mod colour;
 pub mod marker;
 pub mod mask;
+pub mod patch;
+
+#[cfg(test)]
+mod tests;

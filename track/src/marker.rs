@@ -2,19 +2,20 @@
 //!
 //! Source of the pipeline: Haghighipanah et al. 2017. Two centres come with each blob:
 //!
-//! | centre | what | standard deviation per axis, marker of 8 px radius |
+//! | centre | what | standard deviation per axis |
 //! |---|---|---|
-//! | [`Centre::Contour`] | centroid by the outline's moments, the paper's | 0.10 px |
-//! | [`Centre::Weighted`] | centroid weighted by how much of each pixel at the edge is marker, see [`crate::centre`] | [`Blob::std_px`] |
+//! | [`Centre::Contour`] | centroid by the outline's moments, the paper's | [`CONTOUR_STD_PX`] |
+//! | [`Centre::Ball`] | a shaded ball fitted to the colours, see [`crate::centre`] | [`Blob::std_px`], mostly 0.03 to 0.10 px |
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel.
 
 use image::{GrayImage, RgbImage};
 use nalgebra::Vector2;
 
-use crate::centre::{self, REACH_PX};
+use crate::centre::{self, Ball};
 use crate::colour::MarkerColour;
 use crate::mask::{self, Moments};
+use crate::patch::{Bounds, Patch, REACH_PX};
 
 /// A rectangle of an image [px].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,9 +58,9 @@ impl Region {
 /// Which of a blob's centres to take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Centre {
-    /// Weighted by the marker's share of each pixel at the edge.
+    /// Of a shaded ball fitted to the colours.
     #[default]
-    Weighted,
+    Ball,
     /// Centroid of the mask's outline: the paper's.
     Contour,
 }
@@ -67,15 +68,15 @@ pub enum Centre {
 /// A connected area of the marker's colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blob {
-    /// Centre `(u, v)` [px], weighted where the blob allows it, else that of the contour.
+    /// Centre `(u, v)` [px] of the ball fitted to the colours, or of the contour where no ball fits.
     pub centre_px: Vector2<f64>,
-    /// Standard deviation of [`Self::centre_px`] per axis [px], from the noise around this blob.
+    /// Standard deviation of [`Self::centre_px`] per axis [px], from this blob's contrast, edge and background.
     pub std_px: f64,
     /// Centroid of the outline `(u, v)` [px].
     pub contour_px: Vector2<f64>,
     /// Pixels on and within the outline.
     pub area_px: f64,
-    /// Radius of the disc of the same area [px].
+    /// Radius of the ball, or of the disc of the same area [px].
     pub radius_px: f64,
     /// Minor over major axis, 1 for a disc.
     pub aspect: f64,
@@ -85,16 +86,18 @@ pub struct Blob {
     pub cut_off: bool,
 }
 
-/// Standard deviation per axis of a contour's centroid [px]: the mask is binary and clean-up moves its edge by whole pixels.
-/// 0.06 to 0.12 px were measured on rendered discs of 5 to 12 px under noise, blur and chroma subsampling.
-pub const CONTOUR_STD_PX: f64 = 0.10;
+/// Standard deviation per axis of a contour's centroid [px]. On rendered balls 0.12 px under even light and 0.19 px with JPEG
+/// compression; 0.20 to 0.33 px under light from one side, which shifts the contour.
+pub const CONTOUR_STD_PX: f64 = 0.30;
+/// Fewest pixels that a ball is fitted to: a radius of 3 px.
+const FEWEST_PX: f64 = 28.0;
 
 impl Blob {
     /// A centre and its standard deviation per axis [px].
     #[must_use]
     pub fn centre(&self, kind: Centre) -> (Vector2<f64>, f64) {
         match kind {
-            Centre::Weighted => (self.centre_px, self.std_px),
+            Centre::Ball => (self.centre_px, self.std_px),
             Centre::Contour => (self.contour_px, CONTOUR_STD_PX),
         }
     }
@@ -121,15 +124,19 @@ fn blob(image: &RgbImage, region: Region, mask: &GrayImage, outline: &[imageproc
     let cut_off = left < margin || top < margin || right + margin >= region.width as i32 || bottom + margin >= region.height as i32;
     let area_px = mask::pixels_within(outline, moments.area_px2);
     let contour_px = moments.centroid_px + Vector2::new(f64::from(region.x), f64::from(region.y));
-    let bounds = centre::Bounds { left, top, right, bottom };
-    let weighted = if cut_off { None } else { centre::weighted(image, region, mask, bounds) };
-    let (centre_px, std_px, area) = weighted.map_or((contour_px, CONTOUR_STD_PX, area_px), |w| (w.centre_px, w.std_px, w.area_px));
+    let disc_px = (area_px / std::f64::consts::PI).sqrt();
+    let fitted = if cut_off || area_px < FEWEST_PX { None } else { Patch::cut(image, region, mask, Bounds { left, top, right, bottom }) };
+    let Ball { centre_px, std_px, radius_px } = fitted.and_then(|patch| centre::fit(&patch, contour_px, disc_px)).unwrap_or(Ball {
+        centre_px: contour_px,
+        std_px: CONTOUR_STD_PX,
+        radius_px: disc_px,
+    });
     Some(Blob {
         centre_px,
         std_px,
         contour_px,
         area_px,
-        radius_px: (area / std::f64::consts::PI).sqrt(),
+        radius_px,
         aspect: moments.aspect(),
         ellipse_fill: moments.ellipse_fill(),
         cut_off,

@@ -88,3 +88,37 @@ impl Moments {
 pub fn pixels_within(outline: &[Point<i32>], area_px2: f64) -> f64 {
     area_px2 + outline.len() as f64 / 2.0 + 1.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use image::Luma;
+
+    #[test]
+    fn moments_of_a_rectangle_by_hand() {
+        let outline: Vec<Point<i32>> = [(10, 20), (16, 20), (16, 24), (10, 24)].map(|(x, y)| Point::new(x, y)).to_vec();
+        let moments = Moments::of(&outline).unwrap();
+        assert_relative_eq!(moments.area_px2, 24.0);
+        assert_relative_eq!(moments.centroid_px, Vector2::new(13.0, 22.0));
+        assert_relative_eq!(moments.spread_px2, Matrix2::new(3.0, 0.0, 0.0, 4.0 / 3.0), epsilon = 1e-12);
+        assert_relative_eq!(moments.aspect(), 2.0 / 3.0, epsilon = 1e-12);
+        assert_relative_eq!(moments.ellipse_fill(), 3.0 / std::f64::consts::PI, epsilon = 1e-12);
+        assert!(Moments::of(&outline[..2]).is_none());
+    }
+
+    #[test]
+    fn speckles_go_and_the_pixels_of_a_blob_are_counted() {
+        let mask = GrayImage::from_fn(40, 30, |x, y| {
+            let disc = (x as i32 - 20).pow(2) + (y as i32 - 15).pow(2) <= 49;
+            Luma([if disc || (x, y) == (3, 3) { 255 } else { 0 }])
+        });
+        let clean = clean(&mask);
+        let found = outlines(&clean);
+        assert_eq!(found.len(), 1);
+        let moments = Moments::of(&found[0]).unwrap();
+        let white = clean.pixels().filter(|p| p.0[0] > 0).count() as f64;
+        assert_relative_eq!(pixels_within(&found[0], moments.area_px2), white);
+        assert_relative_eq!(moments.centroid_px, Vector2::new(20.0, 15.0), epsilon = 1e-9);
+    }
+}
