@@ -120,6 +120,23 @@ fn energy_is_conserved_without_friction_and_cables() {
 }
 
 #[test]
+fn a_slow_rollout_follows_the_settled_links_and_restarts_after_pauses() {
+    let model = LinkModel::new(nominal().arm().unwrap());
+    let transmission = &model.arm().transmission;
+    let path = |t: f64| joint(45.0, 90.0, 0.35) + Vector3::new(0.02, -0.02, 0.004) * t;
+    let samples = (0..2000).map(|k| f64::from(k) * 1e-3 + if k < 1000 { 0.0 } else { 3.0 });
+    let time_s: Vec<f64> = samples.collect();
+    let track = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&path(t))).collect(), time_s };
+    let states = model.rollout(&track, &[-1.0, 0.9, 2.5, 4.9, 9.0]);
+    assert!(states[0].is_none() && states[2].is_none() && states[4].is_none());
+    for (state, t) in [(states[1], 0.9), (states[3], 4.9)] {
+        let settled = model.settled(&transmission.motor_from_joint(&path(t)), &Vector3::new(1.0, -1.0, 1.0));
+        assert_relative_eq!(state.unwrap().position, settled, epsilon = 1e-5);
+        assert_relative_eq!(state.unwrap().rate, Vector3::new(0.02, -0.02, 0.004), epsilon = 1e-4);
+    }
+}
+
+#[test]
 fn the_file_reads_back_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("robot.yaml");
