@@ -56,7 +56,7 @@ impl Region {
 }
 
 /// Which of a blob's centres to take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum Centre {
     /// Of a shaded ball fitted to the colours.
     #[default]
