@@ -52,7 +52,7 @@ const MOST_ITERATIONS: usize = 300;
 pub fn solve(mut rig: Rig, views: &[View], free: Free, huber: Huber) -> Option<Solution> {
     let mut blocks = linearise(&rig, views, free, huber)?;
     let mut cost: f64 = blocks.iter().map(|b| b.cost).sum();
-    let mut damping = 1e-3;
+    let mut damping = 1e-4;
     let mut iterations = 1;
     while iterations < MOST_ITERATIONS {
         let (shared, boards) = step(&blocks, free, damping)?;
@@ -69,7 +69,7 @@ pub fn solve(mut rig: Rig, views: &[View], free: Free, huber: Huber) -> Option<S
         }
         if trial_cost < cost {
             rig = trial;
-            damping = (damping * 0.1).max(1e-12);
+            damping = (damping * 0.05).max(1e-12);
             blocks = linearise(&rig, views, free, huber)?;
             cost = blocks.iter().map(|b| b.cost).sum();
             iterations += 1;

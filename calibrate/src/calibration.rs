@@ -141,7 +141,7 @@ fn calibrate_alone(shots: &[Shot], camera: usize, (width, height): (u32, u32), b
         let boards = slices.iter().map(|c| start::board_pose(&plain, c)).collect::<Option<Vec<_>>>()?;
         robust(Rig { cameras: [plain; 2], right_from_left: Isometry3::identity(), boards }, &views, free)
     };
-    let solutions = told.iter().chain(&guesses).filter_map(|&f| solve_from(f)).filter(plausible);
+    let solutions = told.iter().chain(if told.is_some() { &[][..] } else { &guesses }).filter_map(|&f| solve_from(f)).filter(plausible);
     let best = solutions.min_by(|a, b| a.cost.total_cmp(&b.cost)).ok_or_else(undetermined)?;
     let residuals = residuals(&best.rig, &views);
     let mut poses = vec![None; shots.len()];

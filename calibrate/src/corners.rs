@@ -6,11 +6,11 @@
 use calib_targets_chessboard::{ChessboardDetector, ChessboardParams, GrayImageView, default_chess_config, detect_corners};
 use chess_corners::ImageRefiner;
 use image::GrayImage;
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::Vector2;
 
 use crate::board::BoardSize;
 use crate::grid::{Grid, Label, Relabel};
-use crate::{homography, saddle};
+use crate::{homography, junction, saddle};
 
 /// One board in one image.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +31,13 @@ const REACH_SQUARES: f64 = 0.15;
 const WEAKEST: f64 = 0.35;
 /// How many neighbours predict it.
 const NEIGHBOURS: usize = 12;
+/// Window of the last fit, as a part of the way to the next edge. On rendered boards with blur, noise and distortion the error falls from
+/// 0.017 px at 0.3 to 0.0135 px at 0.5 and 0.012 px at 0.7; half the way leaves room for bent boards and uneven light.
+const WINDOW_SQUARES: f64 = 0.5;
+/// A smaller window does not hold the blur of the edges [px].
+const SMALLEST_WINDOW_PX: f64 = 2.5;
+/// A larger one only costs time [px].
+const LARGEST_WINDOW_PX: f64 = 12.0;
 
 /// Finds the board in an image; `None` if it is not there, or too little of it.
 #[must_use]
@@ -47,6 +54,7 @@ pub fn find(image: &GrayImage, size: BoardSize) -> Option<Sighting> {
     if grid.corners.len() < FEWEST_CORNERS || columns < 3 || rows < 3 {
         return None;
     }
+    sharpen(&mut grid, image);
     let placements = grid.placements(size, grid.even_squares_are_dark(image));
     (!placements.is_empty()).then_some(Sighting { grid, placements })
 }
@@ -100,28 +108,58 @@ fn look_for(grid: &Grid, image: &GrayImage, labels: &[Label], even_squares_are_d
 }
 
 fn look_for_one(grid: &Grid, image: &GrayImage, label: Label, even_squares_are_dark: bool) -> Option<Vector2<f64>> {
-    let distance = |&(c, r): &Label| (c - label.0).pow(2) + (r - label.1).pow(2);
-    let mut near: Vec<(&Label, &Vector2<f64>)> = grid.corners.iter().collect();
-    near.sort_by_key(|(l, _)| distance(l));
-    near.truncate(NEIGHBOURS);
-    let plane = |(c, r): Label| Vector2::new(f64::from(c), f64::from(r));
-    let local = homography::fit(&near.iter().map(|&(&l, &p)| (plane(l), p)).collect::<Vec<_>>())?;
-    let expected = homography::apply(&local, &plane(label))?;
-    let [across, down] = square_sides(&local, &plane(label))?;
-    let found = saddle::refine(image, expected, WINDOW, REACH_SQUARES * across.norm().min(down.norm()))?;
-    let strengths = near.iter().filter_map(|&(_, &p)| Some(saddle::refine(image, p, WINDOW, 1.5)?.strength()));
-    let mut strengths: Vec<f64> = strengths.collect();
+    let local = LocalPlane::around(grid, label)?;
+    let found = saddle::refine(image, local.here, WINDOW, REACH_SQUARES * local.across.norm().min(local.down.norm()))?;
+    let mut strengths: Vec<f64> = local.near.iter().filter_map(|&p| Some(saddle::refine(image, p, WINDOW, 1.5)?.strength())).collect();
     strengths.sort_by(f64::total_cmp);
     let typical = strengths.get(strengths.len() / 2)?;
     // Towards the dark squares grey falls off on both sides, towards the bright ones it rises.
-    let towards_own_square = across + down;
+    let towards_own_square = local.across + local.down;
     let rises = (towards_own_square.transpose() * found.curvature * towards_own_square)[0] > 0.0;
     let own_is_dark = ((label.0 + label.1).rem_euclid(2) == 0) == even_squares_are_dark;
     (found.strength() > WEAKEST * typical && rises != own_is_dark).then_some(found.pixel)
 }
 
-/// A square's sides in the image [px], along the columns and the rows.
-fn square_sides(local: &Matrix3<f64>, at: &Vector2<f64>) -> Option<[Vector2<f64>; 2]> {
-    let here = homography::apply(local, at)?;
-    Some([homography::apply(local, &(at + Vector2::x()))? - here, homography::apply(local, &(at + Vector2::y()))? - here])
+/// Moves each corner to where two blurred edges fit the grey values best.
+fn sharpen(grid: &mut Grid, image: &GrayImage) {
+    let fitted = |(&label, &pixel): (&Label, &Vector2<f64>)| {
+        let local = LocalPlane::around(grid, label)?;
+        let radius_px = (WINDOW_SQUARES * local.clearance_px()).clamp(SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX);
+        Some((label, junction::fit(image, pixel, [local.across, local.down], radius_px)?))
+    };
+    let fitted: Vec<(Label, Vector2<f64>)> = grid.corners.iter().filter_map(fitted).collect();
+    grid.corners.extend(fitted);
+}
+
+/// What a corner's neighbours say about it.
+struct LocalPlane {
+    /// Where it is [px].
+    here: Vector2<f64>,
+    /// From it to the next column [px].
+    across: Vector2<f64>,
+    /// From it to the next row [px].
+    down: Vector2<f64>,
+    /// The neighbours [px].
+    near: Vec<Vector2<f64>>,
+}
+
+impl LocalPlane {
+    fn around(grid: &Grid, label: Label) -> Option<Self> {
+        let distance = |&(c, r): &Label| (c - label.0).pow(2) + (r - label.1).pow(2);
+        let mut near: Vec<(&Label, &Vector2<f64>)> = grid.corners.iter().collect();
+        near.sort_by_key(|(l, _)| distance(l));
+        near.truncate(NEIGHBOURS);
+        let plane = |(c, r): Label| Vector2::new(f64::from(c), f64::from(r));
+        let local = homography::fit(&near.iter().map(|&(&l, &p)| (plane(l), p)).collect::<Vec<_>>())?;
+        let at = plane(label);
+        let here = homography::apply(&local, &at)?;
+        let across = homography::apply(&local, &(at + Vector2::x()))? - here;
+        let down = homography::apply(&local, &(at + Vector2::y()))? - here;
+        Some(Self { here, across, down, near: near.into_iter().map(|(_, &p)| p).collect() })
+    }
+
+    /// Distance from the corner to the nearest edge that is not its own [px].
+    fn clearance_px(&self) -> f64 {
+        self.across.perp(&self.down).abs() / self.across.norm().max(self.down.norm())
+    }
 }

@@ -117,6 +117,11 @@ impl Rig {
                 block.cost += loss;
                 gradient += slope.tr_mul(&residual) * weight;
                 curvature += slope.tr_mul(&slope) * weight;
+                if weight < 1.0 {
+                    // Huber's loss is straight along an outlier's residual; a trace of curvature keeps the matrix positive.
+                    let along = slope.tr_mul(&residual.normalize());
+                    curvature -= along * along.transpose() * (0.99 * weight);
+                }
             }
             block.add(camera, &gradient, &curvature);
         }
