@@ -1,1 +1,36 @@
-//! placeholder
+//! Records, simulates and checks sessions.
+
+pub mod check;
+pub mod steps;
+
+use std::io::Write;
+
+use clap::{Parser, Subcommand};
+use raven::Result;
+use raven::cli::Outcome;
+
+/// Record, simulate and check sessions of a cable-driven robot.
+#[derive(Debug, Parser)]
+#[command(version, arg_required_else_help = true)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Say what is in a log, what is missing, and repair one that was cut off.
+    Check(check::Args),
+}
+
+/// Runs the program; the result goes to `out`.
+///
+/// # Errors
+/// A sentence for the user.
+pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    match args.command {
+        Command::Check(args) => check::run(&args, out),
+    }
+}

@@ -8,6 +8,11 @@ pub mod camera;
 pub mod cli;
 pub mod error;
 pub mod files;
+pub mod filter;
+pub mod log;
+pub mod observation;
+pub mod plot;
 pub mod robot;
+pub mod stats;
 
 pub use error::{Error, Result};

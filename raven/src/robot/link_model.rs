@@ -26,13 +26,21 @@ pub struct LinkState {
 #[derive(Debug, Clone)]
 pub struct LinkModel {
     arm: Arm,
+    step_max_s: f64,
 }
 
 impl LinkModel {
     /// The link side of `arm`.
     #[must_use]
     pub fn new(arm: Arm) -> Self {
-        Self { arm }
+        let step_max_s = (RUNGE_KUTTA_REACH / fastest_pole(&arm)).min(1e-3);
+        Self { arm, step_max_s }
+    }
+
+    /// Longest step [s] that [`Self::step`] takes with good accuracy: set by the fastest pole of cables and friction.
+    #[must_use]
+    pub fn step_max_s(&self) -> f64 {
+        self.step_max_s
     }
 
     /// The arm it was made of.
@@ -81,6 +89,17 @@ impl LinkModel {
         }
     }
 
+    /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily.
+    #[must_use]
+    pub fn advance(&self, mut state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
+        let steps = (duration_s / self.step_max_s).ceil().max(1.0);
+        let step_s = duration_s / steps;
+        for i in 0..steps as usize {
+            state = self.step(&state, &(motor + motor_rate * (i as f64 * step_s)), motor_rate, step_s);
+        }
+        state
+    }
+
     /// Joint angles at which the cables hold the links against gravity and friction of the given direction (-1, 0, 1 per joint).
     ///
     /// The stretch is so small that gravity at the rigid position is gravity at the stretched one to second order; two passes suffice.
@@ -97,4 +116,23 @@ impl LinkModel {
         }
         joint
     }
+}
+
+/// Product of pole and step up to which order-four Runge-Kutta is accurate; it is stable up to 2.78.
+const RUNGE_KUTTA_REACH: f64 = 2.0;
+
+/// Upper estimate of the fastest pole [1/s]: cable damping and stiffness and the slope of the friction at rest, on the lightest pose.
+fn fastest_pole(arm: &Arm) -> f64 {
+    let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
+    let inertia = arm.dynamics.mass_matrix(&middle);
+    (0..3)
+        .map(|j| {
+            let radius2 = arm.transmission.link_radius_m[j].powi(2);
+            let damping = 2.0 * arm.cables[j].damping * radius2 + arm.link_friction[j].coulomb / STICTION_SPEED[j];
+            let stiffness = 2.0 * arm.cables[j].stiffness * radius2;
+            let (rate, square) = (damping / inertia[(j, j)], stiffness / inertia[(j, j)]);
+            // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.
+            if rate * rate > 4.0 * square { 0.5 * (rate + (rate * rate - 4.0 * square).sqrt()) } else { square.sqrt() }
+        })
+        .fold(1.0, f64::max)
 }

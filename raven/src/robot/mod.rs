@@ -6,6 +6,7 @@ mod file;
 mod kinematics;
 mod link_model;
 pub mod nominal;
+mod rollout;
 mod transmission;
 mod write;
 
@@ -17,6 +18,7 @@ pub use file::{
 };
 pub use kinematics::{ArmSide, Branch, Kinematics};
 pub use link_model::{LinkModel, LinkState, STICTION_SPEED};
+pub use rollout::{MotorTrack, PAUSE_MAX_S};
 pub use transmission::Transmission;
 
 use crate::{Error, Result};

@@ -120,6 +120,23 @@ fn energy_is_conserved_without_friction_and_cables() {
 }
 
 #[test]
+fn a_slow_rollout_follows_the_settled_links_and_restarts_after_pauses() {
+    let model = LinkModel::new(nominal().arm().unwrap());
+    let transmission = &model.arm().transmission;
+    let path = |t: f64| joint(45.0, 90.0, 0.35) + Vector3::new(0.02, -0.02, 0.004) * t;
+    let samples = (0..2000).map(|k| f64::from(k) * 1e-3 + if k < 1000 { 0.0 } else { 3.0 });
+    let time_s: Vec<f64> = samples.collect();
+    let track = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&path(t))).collect(), time_s };
+    let states = model.rollout(&track, &[-1.0, 0.9, 2.5, 4.9, 9.0]);
+    assert!(states[0].is_none() && states[2].is_none() && states[4].is_none());
+    for (state, t) in [(states[1], 0.9), (states[3], 4.9)] {
+        let settled = model.settled(&transmission.motor_from_joint(&path(t)), &Vector3::new(1.0, -1.0, 1.0));
+        assert_relative_eq!(state.unwrap().position, settled, epsilon = 1e-5);
+        assert_relative_eq!(state.unwrap().rate, Vector3::new(0.02, -0.02, 0.004), epsilon = 1e-4);
+    }
+}
+
+#[test]
 fn the_file_reads_back_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("robot.yaml");
@@ -164,6 +181,21 @@ fn a_wrong_unit_or_key_is_named() {
 }
 
 proptest! {
+    #[test]
+    fn mass_matrix_is_what_the_recursion_says_of_unit_accelerations(
+        shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in 0.23..0.60_f64, payload in 0.0..0.5_f64, gold: bool,
+    ) {
+        let dynamics = if gold { nominal() } else { green() }.arm().unwrap().dynamics.with_payload(payload);
+        let q = Vector3::new(shoulder, elbow, insertion);
+        let rest = dynamics.bias(&q, &Vector3::zeros());
+        let mass = dynamics.mass_matrix(&q);
+        for j in 0..3 {
+            let unit = Vector3::from_fn(|i, _| f64::from(u8::from(i == j)));
+            let column = dynamics.inverse(&q, &Vector3::zeros(), &unit) - rest;
+            prop_assert!((mass.column(j) - column).amax() < 1e-12);
+        }
+    }
+
     #[test]
     fn inverse_undoes_forward(
         shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in prop_oneof![0.23..0.46_f64, 0.48..0.60_f64], gold: bool,

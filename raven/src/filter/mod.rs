@@ -1,0 +1,15 @@
+//! Square-root filters: the array unscented Kalman filter and the state equations that it runs on.
+
+mod array;
+mod run;
+mod smoother;
+mod srukf;
+mod states;
+
+pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
+pub use smoother::{Smoothed, smooth};
+pub use srukf::{Innovation, SmootherStep, SquareRootUkf};
+pub use states::{BiasStates, PaperStates, StateEquation};
+
+#[cfg(test)]
+mod tests;

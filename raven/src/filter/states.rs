@@ -1,0 +1,136 @@
+//! State equations for the joint filter: the paper's six states, and nine with a slow transmission bias per joint.
+//!
+//! The motor angle is an input. With six states the stiff cables slave the joints to the motors and the camera is hardly used; a bias
+//! that may wander lets the filter doubt the transmission, and the camera then says by how much.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::robot::{LinkModel, LinkState};
+
+/// A state equation with `N` states driven by motor angles.
+pub trait StateEquation<const N: usize> {
+    /// State after `step_s`, the motors moving steadily from `motor` [rad] at `motor_rate` [rad/s].
+    fn transition(&self, state: &SVector<f64, N>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, N>;
+
+    /// Factor of the process noise that gathers in `step_s`.
+    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, N, N>;
+
+    /// State at rest, as the motors and the cables have it, and the factor of what is not known of it.
+    fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, N>, SMatrix<f64, N, N>);
+
+    /// Joint positions [rad, rad, m] of a state.
+    fn joints(&self, state: &SVector<f64, N>) -> Vector3<f64> {
+        Vector3::new(state[0], state[1], state[2])
+    }
+}
+
+/// `x: 6x1`, positions [rad, rad, m] and velocities, as in the paper.
+#[derive(Debug, Clone)]
+pub struct PaperStates {
+    /// The links behind their cables.
+    pub model: LinkModel,
+    /// Spectral density of the acceleration noise, as velocity per root second [rad/s, rad/s, m/s per sqrt(s)].
+    pub rate_noise: Vector3<f64>,
+}
+
+impl PaperStates {
+    /// With the noise that holds for a link shaken by unmodelled friction: 0.02 rad/s and 0.005 m/s per root second.
+    #[must_use]
+    pub fn new(model: LinkModel) -> Self {
+        Self { model, rate_noise: Vector3::new(0.02, 0.02, 0.005) }
+    }
+}
+
+impl StateEquation<6> for PaperStates {
+    fn transition(&self, state: &SVector<f64, 6>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, 6> {
+        let links = LinkState { position: state.fixed_rows::<3>(0).into(), rate: state.fixed_rows::<3>(3).into() };
+        let links = self.model.advance(links, motor, motor_rate, step_s);
+        let mut next = SVector::<f64, 6>::zeros();
+        next.fixed_rows_mut::<3>(0).copy_from(&links.position);
+        next.fixed_rows_mut::<3>(3).copy_from(&links.rate);
+        next
+    }
+
+    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, 6, 6> {
+        let mut factor = SMatrix::zeros();
+        for j in 0..3 {
+            // Velocity noise of spectral density q^2, integrated: the Cholesky factor of q^2 [T^3/3 T^2/2; T^2/2 T].
+            let q = self.rate_noise[j] * step_s.sqrt();
+            factor[(j, j)] = q * step_s / 3.0_f64.sqrt();
+            factor[(j + 3, j)] = q * 3.0_f64.sqrt() / 2.0;
+            factor[(j + 3, j + 3)] = q / 2.0;
+        }
+        factor
+    }
+
+    fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, 6>, SMatrix<f64, 6, 6>) {
+        let settled = self.model.settled(motor, &Vector3::zeros());
+        let mut mean = SVector::<f64, 6>::zeros();
+        mean.fixed_rows_mut::<3>(0).copy_from(&settled);
+        let deviations = SVector::<f64, 6>::from([2e-3, 2e-3, 5e-4, 0.02, 0.02, 0.005]);
+        (mean, SMatrix::from_diagonal(&deviations))
+    }
+}
+
+/// `x: 9x1`, the paper's six and a transmission bias per joint [rad, rad, m]: the joint sits where the cables would hold it, plus bias.
+#[derive(Debug, Clone)]
+pub struct BiasStates {
+    /// The six.
+    pub paper: PaperStates,
+    /// How fast the bias may wander [rad, rad, m per sqrt(s)].
+    pub bias_noise: Vector3<f64>,
+    /// What the bias may be at the start [rad, rad, m].
+    pub bias_initial: Vector3<f64>,
+}
+
+impl BiasStates {
+    /// With a bias of the size that such transmissions show (1 deg, 2 mm) and that may change by as much over some ten seconds.
+    #[must_use]
+    pub fn new(model: LinkModel) -> Self {
+        Self { paper: PaperStates::new(model), bias_noise: Vector3::new(3e-3, 3e-3, 6e-4), bias_initial: Vector3::new(0.02, 0.02, 2e-3) }
+    }
+}
+
+impl StateEquation<9> for BiasStates {
+    fn transition(&self, state: &SVector<f64, 9>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, 9> {
+        let bias: Vector3<f64> = state.fixed_rows::<3>(6).into();
+        let unbiased: Vector3<f64> = state.fixed_rows::<3>(0) - bias;
+        let links = LinkState { position: unbiased, rate: state.fixed_rows::<3>(3).into() };
+        let links = self.paper.model.advance(links, motor, motor_rate, step_s);
+        let mut next = *state;
+        next.fixed_rows_mut::<3>(0).copy_from(&(links.position + bias));
+        next.fixed_rows_mut::<3>(3).copy_from(&links.rate);
+        next
+    }
+
+    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, 9, 9> {
+        let mut factor = SMatrix::<f64, 9, 9>::zeros();
+        factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.paper.noise_factor(step_s));
+        for j in 0..3 {
+            // A bias that moves carries the joint with it.
+            let wander = self.bias_noise[j] * step_s.sqrt();
+            factor[(6 + j, 6 + j)] = wander;
+            factor[(j, 6 + j)] = wander;
+        }
+        factor
+    }
+
+    fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, 9>, SMatrix<f64, 9, 9>) {
+        let (mean6, factor6) = self.paper.initial(motor);
+        let mut mean = SVector::<f64, 9>::zeros();
+        mean.fixed_rows_mut::<6>(0).copy_from(&mean6);
+        // Lower-triangular factor with joint = cable + bias: order the bias's column first and let it reach both rows.
+        let mut joint = SMatrix::<f64, 9, 9>::zeros();
+        joint.fixed_view_mut::<6, 6>(0, 0).copy_from(&(factor6 * factor6.transpose()));
+        for j in 0..3 {
+            let variance = self.bias_initial[j].powi(2);
+            joint[(j, j)] += variance;
+            joint[(j, 6 + j)] = variance;
+            joint[(6 + j, j)] = variance;
+            joint[(6 + j, 6 + j)] = variance;
+        }
+        // Positive definite by construction: a sum of two positive parts, the second reaching the bias rows.
+        let factor = joint.cholesky().map_or_else(SMatrix::identity, |c| c.l());
+        (mean, factor)
+    }
+}

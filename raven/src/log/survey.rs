@@ -1,0 +1,256 @@
+//! What is in a log and how regular it is, damaged or not.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::frames::FrameDecoder;
+use super::header::{StampReader, schema_name};
+use super::quality::median;
+use super::{Channel, Damage, Item, MotorSource, RawMessage, Recording, Side, Stamp, StreamQuality, TipStatus, Walker, topics};
+use crate::Result;
+use crate::robot::SourceFormat;
+
+/// One topic of a log.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TopicSurvey {
+    /// Topic name.
+    pub topic: String,
+    /// Name of the message type.
+    pub schema: String,
+    /// Encoding of the messages.
+    pub message_encoding: String,
+    /// Encoding of the schema.
+    pub schema_encoding: String,
+    /// Bytes of all messages.
+    pub bytes: u64,
+    /// JPEG frames without an end marker.
+    pub truncated_frames: usize,
+    /// Frames that the camera counted, but that are not in the log; 0 also where the camera's count was not recorded.
+    pub missing_frames: u64,
+    /// Messages per second.
+    pub rate_hz: Option<f64>,
+    /// Regularity.
+    #[serde(flatten)]
+    pub quality: StreamQuality,
+}
+
+/// How far apart the frames of the two cameras are.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CameraSkew {
+    /// Median of the stamp of the nearest right frame minus that of each left frame [s].
+    pub right_minus_left_s: f64,
+    /// Median of its absolute value [s].
+    pub absolute_s: f64,
+}
+
+/// What became of the tracked point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct TipCounts {
+    /// Observations with a usable position.
+    pub seen: usize,
+    /// Observations without.
+    pub occluded: usize,
+    /// Observations rejected as jumps.
+    pub jumped: usize,
+}
+
+/// A file stored in a log.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct StoredFile {
+    /// Name.
+    pub name: String,
+    /// Media type.
+    pub media_type: String,
+    /// Size.
+    pub bytes: usize,
+}
+
+/// What is in a log.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Survey {
+    /// The file.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// All messages that can be read.
+    pub messages: u64,
+    /// What is wrong with the file.
+    pub damage: Option<Damage>,
+    /// Topics by name.
+    pub topics: Vec<TopicSurvey>,
+    /// Both cameras, if there are two.
+    pub cameras: Option<CameraSkew>,
+    /// Whether the motors' torque or force was recorded; `None` without motors.
+    pub torque_recorded: Option<bool>,
+    /// The tracked point; `None` without `/tip`.
+    pub tip: Option<TipCounts>,
+    /// Metadata record `session`.
+    pub session: BTreeMap<String, String>,
+    /// Stored files.
+    pub attachments: Vec<StoredFile>,
+}
+
+impl Survey {
+    /// Surveys a log as far as it can be read.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is empty or is no MCAP file.
+    pub fn of(path: &Path) -> Result<Self> {
+        let mut walker = Walker::open(path)?;
+        let mut channels = HashMap::new();
+        let mut streams = BTreeMap::new();
+        let mut session = BTreeMap::new();
+        let mut attachments = Vec::new();
+        walker.run(|item| {
+            match item {
+                Item::Start(_) => {}
+                Item::Channel(channel) => {
+                    channels.insert(channel.id, Reading::new(channel));
+                    streams.entry(channel.topic.clone()).or_insert_with(|| Stream::new(channel));
+                }
+                Item::Message(message) => {
+                    let topic = message.channel.topic.as_str();
+                    if let (Some(reading), Some(stream)) = (channels.get(&message.channel.id), streams.get_mut(topic)) {
+                        stream.take(reading, &message);
+                    }
+                }
+                Item::Attachment(file) => {
+                    attachments.push(StoredFile { name: file.name, media_type: file.media_type, bytes: file.data.len() });
+                }
+                Item::Metadata(name, pairs) if name == "session" => session.extend(pairs),
+                Item::Metadata(..) => {}
+            }
+            Ok(())
+        })?;
+        let cameras = camera_skew(&streams);
+        let mut survey = Self {
+            path: path.to_owned(),
+            bytes: walker.length(),
+            messages: walker.messages(),
+            damage: walker.damage().cloned(),
+            topics: streams.into_values().map(Stream::finish).collect(),
+            cameras,
+            torque_recorded: None,
+            tip: None,
+            session,
+            attachments,
+        };
+        survey.look_into_numbers();
+        Ok(survey)
+    }
+
+    /// The topic of this name, if it has messages.
+    #[must_use]
+    pub fn topic(&self, name: &str) -> Option<&TopicSurvey> {
+        self.topics.iter().find(|topic| topic.topic == name && topic.quality.messages > 0)
+    }
+
+    /// What computations will find in motors, joints and tip. It takes a whole file.
+    fn look_into_numbers(&mut self) {
+        let source = if self.topic(topics::RAVEN_STATE).is_some() {
+            MotorSource::default()
+        } else {
+            let (topic, format) = (topics::MOTOR_JOINT_STATES.to_owned(), SourceFormat::JointState);
+            MotorSource { topic, format, ..MotorSource::default() }
+        };
+        let Ok(recording) = Recording::read(&self.path, &source) else { return };
+        self.torque_recorded = recording.motor.as_ref().map(|motor| motor.effort.is_some());
+        if recording.topics.contains_key(topics::TIP) {
+            let count = |status| recording.tip.iter().filter(|tip| tip.status == status).count();
+            let (seen, occluded, jumped) = (count(TipStatus::Seen), count(TipStatus::Occluded), count(TipStatus::Jumped));
+            self.tip = Some(TipCounts { seen, occluded, jumped });
+        }
+        for topic in &mut self.topics {
+            if let Some(quality) = recording.quality.get(&topic.topic) {
+                topic.quality.non_finite = quality.non_finite;
+                topic.quality.undecodable = quality.undecodable;
+            }
+        }
+    }
+}
+
+/// How the messages of one channel are read.
+struct Reading {
+    stamps: StampReader,
+    frames: Option<(Side, FrameDecoder)>,
+}
+
+impl Reading {
+    fn new(channel: &Channel) -> Self {
+        let side = topics::camera_of(&channel.topic);
+        Self { stamps: StampReader::new(channel), frames: side.zip(FrameDecoder::new(channel).ok()) }
+    }
+}
+
+struct Stream {
+    survey: TopicSurvey,
+    stamps: Vec<Stamp>,
+    without_stamp: usize,
+    undecodable: usize,
+    last_frame: Option<u64>,
+}
+
+impl Stream {
+    fn new(channel: &Channel) -> Self {
+        let survey = TopicSurvey {
+            topic: channel.topic.clone(),
+            schema: schema_name(channel).to_owned(),
+            message_encoding: channel.message_encoding.clone(),
+            schema_encoding: channel.schema.as_ref().map_or_else(String::new, |schema| schema.encoding.clone()),
+            bytes: 0,
+            truncated_frames: 0,
+            missing_frames: 0,
+            rate_hz: None,
+            quality: StreamQuality::default(),
+        };
+        Self { survey, stamps: Vec::new(), without_stamp: 0, undecodable: 0, last_frame: None }
+    }
+
+    fn take(&mut self, reading: &Reading, message: &RawMessage<'_>) {
+        self.survey.bytes += message.data.len() as u64;
+        let own = reading.stamps.read(message.data);
+        self.without_stamp += usize::from(own.is_none());
+        self.stamps.push(own.unwrap_or(message.publish_time));
+        if let Some((side, decoder)) = &reading.frames {
+            match decoder.decode(*side, message) {
+                Some(frame) => {
+                    self.survey.truncated_frames += usize::from(frame.is_truncated());
+                    // A count that starts again is a new recording, not a loss.
+                    let jump = frame.sequence.zip(self.last_frame).and_then(|(now, before)| now.checked_sub(before + 1));
+                    self.survey.missing_frames += jump.unwrap_or(0);
+                    self.last_frame = frame.sequence;
+                }
+                None => self.undecodable += 1,
+            }
+        }
+    }
+
+    fn finish(mut self) -> TopicSurvey {
+        let (without_stamp, undecodable) = (self.without_stamp, self.undecodable);
+        self.survey.quality = StreamQuality { without_stamp, undecodable, ..StreamQuality::of(&self.stamps) };
+        self.survey.rate_hz = self.survey.quality.rate_hz();
+        self.survey
+    }
+}
+
+/// For each left frame the nearest right one. Free-running cameras keep one skew, so its median tells it apart from dropped frames.
+fn camera_skew(streams: &BTreeMap<String, Stream>) -> Option<CameraSkew> {
+    let stamps = |side: Side| {
+        let stream = streams.get(topics::compressed(side)).or_else(|| streams.get(topics::raw(side)))?;
+        let mut stamps = stream.stamps.clone();
+        stamps.sort_unstable();
+        Some(stamps)
+    };
+    let (left, right) = (stamps(Side::Left)?, stamps(Side::Right)?);
+    let nearest = |&left: &Stamp| {
+        let after = right.partition_point(|&right| right < left);
+        let candidates = [after.checked_sub(1).and_then(|before| right.get(before)), right.get(after)];
+        let skews = candidates.into_iter().flatten().map(|right| right.seconds_since(left));
+        skews.min_by(|a, b| a.abs().total_cmp(&b.abs()))
+    };
+    let mut signed: Vec<f64> = left.iter().filter_map(nearest).collect();
+    let mut absolute: Vec<f64> = signed.iter().map(|skew| skew.abs()).collect();
+    Some(CameraSkew { right_minus_left_s: median(&mut signed)?, absolute_s: median(&mut absolute)? })
+}

@@ -1,0 +1,83 @@
+//! The robot model over a recorded motion: where the joints are, by the parameter file in hand, when the motors move as they did.
+
+use nalgebra::Vector3;
+
+use super::{LinkModel, LinkState};
+
+/// Motor angles over time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MotorTrack {
+    /// [s], strictly increasing.
+    pub time_s: Vec<f64>,
+    /// [rad].
+    pub angle: Vec<Vector3<f64>>,
+}
+
+/// Longest pause between motor samples that is bridged [s]; beyond it whatever follows the motion starts anew.
+pub const PAUSE_MAX_S: f64 = 0.5;
+
+impl MotorTrack {
+    /// The sample interval that holds `time_s`: index of its start; `None` outside the track and in pauses.
+    #[must_use]
+    pub fn interval(&self, time_s: f64) -> Option<usize> {
+        let after = self.time_s.partition_point(|&t| t <= time_s);
+        let start = after.min(self.time_s.len().checked_sub(1)?).checked_sub(1)?;
+        let inside = time_s >= self.time_s[start] && time_s <= self.time_s[start + 1];
+        (inside && self.time_s[start + 1] - self.time_s[start] <= PAUSE_MAX_S).then_some(start)
+    }
+
+    /// Angle [rad] and velocity [rad/s] at a time; `None` outside the track and in pauses.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let k = self.interval(time_s)?;
+        let rate = self.rate(k);
+        Some((self.angle[k] + rate * (time_s - self.time_s[k]), rate))
+    }
+
+    /// First sample of the stretch without pauses that holds interval `k`.
+    fn segment_start(&self, k: usize) -> usize {
+        (1..=k).rev().find(|&i| self.time_s[i] - self.time_s[i - 1] > PAUSE_MAX_S).unwrap_or(0)
+    }
+
+    fn rate(&self, k: usize) -> Vector3<f64> {
+        (self.angle[k + 1] - self.angle[k]) / (self.time_s[k + 1] - self.time_s[k])
+    }
+}
+
+impl LinkModel {
+    /// Link states at `times_s` (sorted), the motors following `motor`; `None` at times outside the track and in its pauses.
+    ///
+    /// After each pause the links start at rest where the cables hold them.
+    #[must_use]
+    pub fn rollout(&self, motor: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
+        let mut states = Vec::with_capacity(times_s.len());
+        let mut now: Option<(f64, usize, LinkState)> = None;
+        for &time_s in times_s {
+            let Some(target) = motor.interval(time_s) else {
+                states.push(None);
+                continue;
+            };
+            let reachable = now.filter(|(_, k, _)| (*k..target).all(|i| motor.time_s[i + 1] - motor.time_s[i] <= PAUSE_MAX_S));
+            let (mut at, mut k, mut state) = reachable.unwrap_or_else(|| {
+                let start = motor.segment_start(target);
+                let position = self.settled(&motor.angle[start], &Vector3::zeros());
+                (motor.time_s[start], start, LinkState { position, rate: Vector3::zeros() })
+            });
+            loop {
+                let end = if k < target { motor.time_s[k + 1] } else { time_s };
+                if end > at {
+                    let rate = motor.rate(k);
+                    state = self.advance(state, &(motor.angle[k] + rate * (at - motor.time_s[k])), &rate, end - at);
+                    at = end;
+                }
+                if k == target {
+                    break;
+                }
+                k += 1;
+            }
+            now = Some((at, k, state));
+            states.push(Some(state));
+        }
+        states
+    }
+}
