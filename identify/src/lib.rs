@@ -6,6 +6,7 @@
 
 pub mod args;
 pub mod batch;
+pub mod estimation;
 pub mod export;
 pub mod identified;
 pub mod motion;
@@ -14,6 +15,7 @@ pub mod prediction;
 pub mod priors;
 pub mod recording;
 pub mod report;
+pub mod scatter;
 pub mod session;
 
 use std::io::Write;
@@ -56,14 +58,14 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
         spinner.finish_and_clear();
         recordings?
     };
-    let problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
+    let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let spinner = cli::spinner("estimating");
-    let estimate = batch::estimate(&problem, &may_hold);
+    let outcome = estimation::estimate(&mut problem, &may_hold);
     spinner.finish_and_clear();
-    let estimate = estimate?;
-    let findings = Finding::all(&unknowns, &estimate);
-    let report = Report::new(&robot, &findings, &estimate, recordings.duration_s, start.elapsed().as_secs_f64());
+    let outcome = outcome?;
+    let findings = Finding::all(&unknowns, &outcome.estimate);
+    let report = Report::new(&robot, &findings, &outcome, recordings.duration_s, start.elapsed().as_secs_f64());
 
     if let Some(path) = &args.output {
         identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;

@@ -10,14 +10,15 @@
 //! motions of 0.8 rad/s. The prediction is then moved as the registration is off, `p_seen = R' (p - p_hs - translation) + p_hs`, so
 //! that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
 
-use nalgebra::{DVector, Rotation3, Vector3};
+use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 use raven::Result;
 use raven::robot::{LinkModel, Observation, Robot, STICTION_SPEED};
 
 use crate::batch::Residuals;
 use crate::motion::Motion;
 use crate::priors::Unknown;
-use crate::session::Session;
+use crate::scatter::Sample;
+use crate::session::{Session, Sighting, whitening};
 
 /// Length of the blocks over which residuals may be alike [s]: hysteresis and the cameras' flaws outlast single images.
 const BLOCK_S: f64 = 2.0;
@@ -61,7 +62,17 @@ impl Predictor {
     /// Where the tip with stamp `time_s` should have been seen [m].
     #[must_use]
     pub fn seen_m(&self, motion: &Motion, time_s: f64) -> Vector3<f64> {
-        let tip = self.model.arm().kinematics.forward(&self.joints(motion, time_s - self.latency_s));
+        self.seen_of(&self.joints(motion, time_s - self.latency_s))
+    }
+
+    /// How that place changes with the joints there [m/rad, m/rad, 1].
+    #[must_use]
+    pub fn slope(&self, motion: &Motion, time_s: f64) -> Matrix3<f64> {
+        self.seen_from_true * self.model.arm().kinematics.jacobian(&self.joints(motion, time_s - self.latency_s))
+    }
+
+    fn seen_of(&self, joints: &Vector3<f64>) -> Vector3<f64> {
+        let tip = self.model.arm().kinematics.forward(joints);
         self.seen_from_true * (tip - self.tip_at_hard_stop_m - self.translation_m) + self.tip_at_hard_stop_m
     }
 }
@@ -73,6 +84,8 @@ pub struct Problem<'a> {
     anchored: Robot,
     unknowns: &'a [Unknown],
     sessions: &'a [Session],
+    /// Per sighting of all sessions.
+    whiten: Vec<Matrix3<f64>>,
 }
 
 impl<'a> Problem<'a> {
@@ -86,7 +99,29 @@ impl<'a> Problem<'a> {
         for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        Ok(Self { anchored, unknowns, sessions })
+        let whiten =
+            sessions.iter().flat_map(|s| &s.sightings).map(|s| whitening(&s.covariance_m2).unwrap_or_else(Matrix3::zeros)).collect();
+        Ok(Self { anchored, unknowns, sessions, whiten })
+    }
+
+    /// Residuals at `z` with what it takes to tell the joints' errors from the sightings' noise.
+    ///
+    /// # Errors
+    /// As the prediction.
+    pub fn samples(&self, z: &DVector<f64>) -> Result<Vec<Sample>> {
+        let predictor = Predictor::new(&self.robot(z))?;
+        let sightings = self.sessions.iter().flat_map(|session| session.sightings.iter().map(move |s| (&session.motion, s)));
+        let sample = |(motion, s): (&Motion, &Sighting)| Sample {
+            residual_m: predictor.seen_m(motion, s.time_s) - s.position_m,
+            slope: predictor.slope(motion, s.time_s),
+            covariance_m2: s.covariance_m2,
+        };
+        Ok(sightings.map(sample).collect())
+    }
+
+    /// Weighs sightings with an unexplained error at the joints beside their noise.
+    pub fn weigh(&mut self, samples: &[Sample], scatter: &Vector3<f64>) {
+        self.whiten = samples.iter().map(|s| whitening(&s.spread_m2(scatter)).unwrap_or_else(Matrix3::zeros)).collect();
     }
 
     /// The robot at `z` prior deviations from its file.
@@ -111,11 +146,10 @@ impl Residuals for Problem<'_> {
 
     fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let of = |session: &Session| -> Vec<Vector3<f64>> {
-            let residual = |s: &crate::session::Sighting| s.whiten * (predictor.seen_m(&session.motion, s.time_s) - s.position_m);
-            session.sightings.iter().map(residual).collect()
-        };
-        Ok(self.sessions.iter().flat_map(of).collect())
+        let sightings = self.sessions.iter().flat_map(|session| session.sightings.iter().map(move |s| (&session.motion, s)));
+        let residuals =
+            sightings.zip(&self.whiten).map(|((motion, s), whiten)| whiten * (predictor.seen_m(motion, s.time_s) - s.position_m));
+        Ok(residuals.collect())
     }
 
     fn blocks(&self) -> Vec<usize> {

@@ -2,19 +2,19 @@
 
 use std::fmt::Write as _;
 
-use nalgebra::Vector3;
-use raven::robot::Robot;
+use raven::robot::{Joint, Robot};
 use raven::stats::chi_square_quantile;
 use serde::Serialize;
 
-use crate::batch::Estimate;
+use crate::estimation::Outcome;
 use crate::identified::Finding;
 use crate::parameters::Quantity;
+use crate::session::whitening;
 
 /// Chance that a good sighting is taken for a false one.
 const FALSE_CHANCE: f64 = 1e-6;
-/// Mean normalised square above which the model lacks something: twice what noise alone gives.
-const NIS_HIGH: f64 = 6.0;
+/// An unexplained error of a joint is worth a word beyond this many tolerances of its hard stop.
+const UNEXPLAINED_HIGH: f64 = 2.0;
 /// Prior deviations beyond which an estimate contradicts what was known.
 const CONTRADICTION: f64 = 3.0;
 
@@ -25,6 +25,8 @@ pub struct Report {
     pub parameters: Vec<Line>,
     /// Mean of the sightings' squared residuals, normalised by their covariance; 3 if the model explains all but the noise.
     pub nis_mean: f64,
+    /// What the model leaves unexplained at each joint.
+    pub unexplained: Vec<Unexplained>,
     /// Sightings used.
     pub sightings: usize,
     /// Of these, the ones so far off that they count as false.
@@ -37,6 +39,19 @@ pub struct Report {
     pub seconds: f64,
     /// Log seconds per second spent.
     pub realtime_factor: f64,
+}
+
+/// A joint's unexplained error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// Joint.
+    pub joint: String,
+    /// `deg` or `mm`.
+    pub unit: &'static str,
+    /// Standard deviation.
+    pub std: f64,
+    #[serde(skip)]
+    tolerances: f64,
 }
 
 /// One parameter, in the SI units of the robot file.
@@ -69,7 +84,7 @@ pub struct Line {
 impl Report {
     /// Of findings about `robot`, after `seconds` of work on `log_seconds`.
     #[must_use]
-    pub fn new(robot: &Robot, findings: &[Finding], estimate: &Estimate, log_seconds: f64, seconds: f64) -> Self {
+    pub fn new(robot: &Robot, findings: &[Finding], outcome: &Outcome, log_seconds: f64, seconds: f64) -> Self {
         let line = |finding: &Finding| Line {
             name: finding.unknown.quantity.name(),
             joint: finding.unknown.quantity.joint(robot),
@@ -83,14 +98,22 @@ impl Report {
             quantity: finding.unknown.quantity,
             along: !finding.unknown.named,
         };
+        let Outcome { estimate, scatter, samples } = outcome;
         let limit = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY) * estimate.scale.powi(2);
-        let squares: Vec<f64> = estimate.residuals.iter().map(Vector3::norm_squared).collect();
-        let good: Vec<f64> = squares.iter().copied().filter(|&s| s <= limit).collect();
+        let is_good: Vec<bool> = estimate.residuals.iter().map(|r| r.norm_squared() <= limit).collect();
+        let good = samples.iter().zip(&is_good).filter(|(_, good)| **good);
+        let squares: Vec<f64> = good.filter_map(|(s, _)| Some((whitening(&s.covariance_m2)? * s.residual_m).norm_squared())).collect();
+        let unexplained = |(joint, &std): (&Joint, &f64)| {
+            let (unit, factor) = joint.display_unit();
+            let tolerances = std / robot.tolerances.hard_stop_of(joint.kind);
+            Unexplained { joint: joint.name.clone(), unit, std: std * factor, tolerances }
+        };
         Self {
             parameters: findings.iter().map(line).collect(),
-            nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
-            sightings: squares.len(),
-            outliers: squares.len() - good.len(),
+            nis_mean: squares.iter().sum::<f64>() / squares.len().max(1) as f64,
+            unexplained: robot.joints.iter().zip(scatter.iter()).map(unexplained).collect(),
+            sightings: is_good.len(),
+            outliers: is_good.iter().filter(|good| !**good).count(),
             overdispersion: estimate.tempering,
             log_seconds,
             seconds,
@@ -128,6 +151,8 @@ impl Report {
             "{} sightings in {:.1} s, {} of them false; mean NIS {:.2} (3 is noise alone); {:.2} s, {:.0} times real time",
             self.sightings, self.log_seconds, self.outliers, self.nis_mean, self.seconds, self.realtime_factor
         );
+        let left: Vec<String> = self.unexplained.iter().map(|u| format!("{} {:.3} {}", u.joint, u.std, u.unit)).collect();
+        let _ = writeln!(text, "left unexplained (one sigma): {}", left.join(", "));
         text
     }
 
@@ -145,10 +170,10 @@ impl Report {
                 ));
             }
         }
-        if self.nis_mean > NIS_HIGH {
+        for joint in self.unexplained.iter().filter(|u| u.tolerances > UNEXPLAINED_HIGH) {
             warnings.push(format!(
-                "the residuals are {:.1} times what the tip's covariance says: the model lacks something that `raven-diagnose` may name.",
-                (self.nis_mean / 3.0).sqrt()
+                "{:.2} {} of the {} (one sigma) are not explained by the model with these parameters; `raven-diagnose` says where they sit.",
+                joint.std, joint.unit, joint.joint
             ));
         }
         warnings
