@@ -1,6 +1,7 @@
 //! Records, simulates and checks sessions.
 
 pub mod check;
+pub mod simulate;
 pub mod steps;
 
 use std::io::Write;
@@ -23,6 +24,8 @@ pub struct Args {
 pub enum Command {
     /// Say what is in a log, what is missing, and repair one that was cut off.
     Check(check::Args),
+    /// Record a virtual lab: a robot that hides what you ask it to, and two webcams.
+    Simulate(simulate::Args),
 }
 
 /// Runs the program; the result goes to `out`.
@@ -32,5 +35,6 @@ pub enum Command {
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match args.command {
         Command::Check(args) => check::run(&args, out),
+        Command::Simulate(args) => simulate::run(&args, out),
     }
 }

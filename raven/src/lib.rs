@@ -13,6 +13,7 @@ pub mod log;
 pub mod observation;
 pub mod plot;
 pub mod robot;
+pub mod simulation;
 pub mod stats;
 
 pub use error::{Error, Result};

@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::robot::{LinkModel, nominal};
+use crate::robot::{LinkModel, MotorTrack, nominal};
 
 /// Two coupled masses of which only the first position is seen; the noise enters all states together.
 fn two_masses() -> (Matrix4<f64>, Matrix4<f64>, SMatrix<f64, 1, 4>) {
@@ -162,7 +162,7 @@ fn refuses_what_is_not_finite_or_beyond_the_gate() {
 
 #[test]
 fn noise_of_the_state_equations_adds_up_over_time() {
-    let states = BiasStates::new(LinkModel::new(nominal::gold().arm().unwrap()));
+    let states = BiasStates::new(LinkModel::new(nominal::gold().arm().unwrap()), &MotorTrack::default(), &[]);
     let q = |t: f64| {
         let factor = states.noise_factor(t);
         factor * factor.transpose()

@@ -102,13 +102,11 @@ impl LinkDynamics {
         Matrix3::new(m11, m12, m13, m12, about_2[(2, 2)], m23, m13, m23, self.mass[2] + self.payload_kg)
     }
 
-    /// Accelerations [rad/s^2, rad/s^2, m/s^2] under joint forces [N m, N m, N].
+    /// [`Self::mass_matrix`] and [`Self::bias`] in one go.
     #[must_use]
-    pub fn forward(&self, joint: &Vector3<f64>, rate: &Vector3<f64>, force: &Vector3<f64>) -> Vector3<f64> {
+    pub fn mass_and_bias(&self, joint: &Vector3<f64>, rate: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
         let rotations = self.rotations(joint);
-        let net = force - self.recursion(&rotations, joint[2], rate, &Vector3::zeros());
-        // The mass matrix of links with positive mass and inertia is positive definite; a file without it is refused when read.
-        self.composite(&rotations, joint[2]).cholesky().map_or_else(|| Vector3::repeat(f64::NAN), |m| m.solve(&net))
+        (self.composite(&rotations, joint[2]), self.recursion(&rotations, joint[2], rate, &Vector3::zeros()))
     }
 
     fn rotations(&self, joint: &Vector3<f64>) -> [Matrix3<f64>; 3] {

@@ -1,0 +1,105 @@
+//! `raven-capture simulate`: recordings of a virtual lab whose robot hides what you ask it to.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use raven::cli::{self, Outcome};
+use raven::log::Stamp;
+use raven::robot::{Robot, nominal};
+use raven::simulation::{Effect, Hidden, Motion, Options, Session};
+use raven::{Error, Result};
+
+/// Arguments of `raven-capture simulate`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  raven-capture simulate --motion sinusoid --duration 40 --effect pulley-radius:shoulder=-0.05 -o sinusoid.mcap"
+)]
+pub struct Args {
+    /// Robot file, which the virtual controller believes; by default the nominal Raven-II, gold arm.
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// board, hardstop, sinusoid, fls (fls1, fls2, ... are other trials), rich, or bench for a bench.
+    #[arg(long)]
+    pub motion: Motion,
+    /// Length of the recording [s]; 3 at the hard stop, where the board takes its own time.
+    #[arg(long, value_name = "SECONDS")]
+    pub duration: Option<f64>,
+    /// Render images of both cameras instead of writing the tip's position.
+    #[arg(long)]
+    pub images: bool,
+    /// Frames per second of each camera.
+    #[arg(long, default_value_t = 15.0, value_name = "HZ")]
+    pub rate: f64,
+    /// Standard deviation of a tracked coordinate, without --images [px].
+    #[arg(long, default_value_t = 0.1, value_name = "PX")]
+    pub noise: f64,
+    /// Part of the time during which something hides the marker.
+    #[arg(long, default_value_t = 0.03, value_name = "PART")]
+    pub occluded: f64,
+    /// Hide an effect, as in pulley-radius:shoulder=-0.05; may be repeated. A wrong one lists them all.
+    #[arg(long, value_name = "ID[:JOINT]=VALUE")]
+    pub effect: Vec<Effect>,
+    /// Preset of hidden effects: none, or lab for what a lab finds.
+    #[arg(long, default_value = "none")]
+    pub hidden: Hidden,
+    /// Everything follows from it: the same seed gives the same bytes, and all recordings of one seed are of one lab.
+    #[arg(long, default_value_t = 7)]
+    pub seed: u64,
+    /// First stamp [s since 1970].
+    #[arg(long, default_value_t = 1_750_000_000.0, value_name = "SECONDS")]
+    pub start_time: f64,
+    /// Write what is hidden to a file; it is never in the log.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// Write the cameras as a perfect calibration would describe them.
+    #[arg(long, value_name = "FILE")]
+    pub cameras_out: Option<PathBuf>,
+    /// The recording.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// Records a virtual lab.
+///
+/// # Errors
+/// If an argument makes no sense, the robot file cannot be used, or a file cannot be written.
+pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+    let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
+    if !(0.0..=4e9).contains(&args.start_time) {
+        return Err(Error::Argument(format!("--start-time is {}, expected seconds since 1970.", args.start_time)));
+    }
+    let options = Options {
+        seed: args.seed,
+        hidden: args.hidden,
+        effects: args.effect.clone(),
+        images: args.images,
+        rate_hz: args.rate,
+        noise_px: args.noise,
+        hidden_part: args.occluded,
+        start: Stamp::default().plus_seconds(args.start_time),
+    };
+    let session = Session::new(&robot, options)?;
+    let duration_s = args.duration.unwrap_or(if args.motion == Motion::Hardstop { 3.0 } else { 60.0 });
+    let bar = cli::progress(duration_s as u64, "simulating");
+    let written = session.record(args.motion, duration_s, &args.output, || bar.inc(1))?;
+    bar.finish_and_clear();
+    if let Some(path) = &args.truth {
+        cli::write_json(path, &session.truth_json())?;
+    }
+    if let Some(path) = &args.cameras_out {
+        let cameras = session.cameras().ok_or_else(|| Error::Argument("--cameras-out: a bench has no cameras.".to_owned()))?;
+        cameras.write(path)?;
+    }
+    let text = format!(
+        "{}: {}, {duration_s} s, {} robot states, {} tips ({} hidden), {} + {} images\n",
+        args.output.display(),
+        args.motion,
+        written.robot,
+        written.tips,
+        written.tips_hidden,
+        written.images[0],
+        written.images[1],
+    );
+    out.write_all(text.as_bytes()).map_err(|e| Error::io(std::path::Path::new("-"), "write", e))?;
+    Ok(Outcome::Done)
+}

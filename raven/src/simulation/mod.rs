@@ -1,0 +1,33 @@
+//! The virtual lab: a Raven-II with hidden effects, two webcams, and the logs that such a session leaves.
+//!
+//! The plant shares nothing with the models that the estimators fit but the numbers of the robot file: it has its own equations for
+//! motors, cables and friction, its own integrator and its own cameras in time. Everything follows from one seed.
+
+mod cable;
+mod controller;
+mod effect;
+mod friction;
+mod machine;
+mod motion;
+mod plant;
+mod rig;
+mod session;
+mod shutter;
+mod state;
+mod tip;
+mod trace;
+mod truth;
+
+pub use controller::{CYCLE_S, Controller, Cycle, SetPoint};
+pub use effect::{Effect, EffectKind, Scope, Value};
+pub use machine::{Drive, Load, Machine};
+pub use motion::{Limits, Motion, Trajectory};
+pub use plant::{Plant, PlantState, STEP_S};
+pub use rig::Rig;
+pub use session::{Options, Session, Written};
+pub use shutter::{Delays, Exposure};
+pub use trace::{Recorder, Sample, Trace};
+pub use truth::{Hidden, MARKER_RADIUS_M, Truth};
+
+#[cfg(test)]
+mod tests;

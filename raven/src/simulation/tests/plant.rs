@@ -1,0 +1,155 @@
+use approx::assert_relative_eq;
+
+use super::*;
+use crate::robot::LinkModel;
+
+#[test]
+fn at_rest_it_sticks_without_any_drift() {
+    let path = Trajectory::rest(pose(40.0, 90.0, 0.35));
+    let trace = session(&nominal::gold(), &[], &path, 10.0);
+    let (first, last) = (trace.samples()[0], trace.samples()[9999]);
+    assert_eq!(first.joint, last.joint);
+    assert_eq!(last.joint_rate, Vector3::zeros());
+    assert_eq!(first.cycle, last.cycle);
+}
+
+/// Without friction, drives or cables the links fall: what gravity does shows up as motion, to the second order of the step.
+#[test]
+fn falling_links_gain_what_gravity_gives() {
+    let miss = |step_s: f64| {
+        let mut robot = nominal::gold();
+        for joint in &mut robot.joints {
+            joint.cable = Some(crate::robot::Cable::default());
+            joint.link_friction = Some(crate::robot::ViscousCoulomb::default());
+        }
+        let dynamics = robot.arm().unwrap().dynamics;
+        let mut plant = Plant::at_hard_stop(Machine::new(&robot, &[]).unwrap());
+        plant.hold_links(false);
+        let kinetic = |s: &PlantState| 0.5 * s.joint_rate.dot(&(dynamics.mass_matrix(&s.joint) * s.joint_rate));
+        let power = |s: &PlantState| -dynamics.bias(&s.joint, &Vector3::zeros()).dot(&s.joint_rate);
+        let mut work = 0.0;
+        for _ in 0..(0.3 / step_s).round() as usize {
+            let before = power(plant.state());
+            plant.advance(&Vector3::zeros(), step_s, step_s);
+            work += 0.5 * (before + power(plant.state())) * step_s;
+        }
+        assert!(kinetic(plant.state()) > 0.1, "the links must fall for this to mean anything");
+        (kinetic(plant.state()) - work).abs() / work
+    };
+    assert!(miss(1e-4) < 1e-6, "{}", miss(1e-4));
+    assert!(miss(5e-5) < 0.3 * miss(1e-4));
+}
+
+#[test]
+fn the_control_loop_keeps_up_with_its_set_points() {
+    let robot = nominal::gold();
+    for motion in [Motion::Sinusoid, Motion::Fls(0)] {
+        let limits = robot.arm().unwrap().limits;
+        let path = Trajectory::of(motion, 20.0, &limits, Vector3::zeros(), &mut rng(5));
+        let trace = session(&robot, &[], &path, 20.0);
+        let worst = trace.samples().iter().fold(Vector3::zeros(), |w: Vector3<f64>, s| w.sup(&(s.joint - s.joint_wanted).abs()));
+        assert!(worst[0] < 0.02 && worst[1] < 0.02 && worst[2] < 0.003, "{motion}: {worst}");
+    }
+}
+
+#[test]
+fn resting_joints_are_where_the_static_model_has_them() {
+    let robot = nominal::gold();
+    let model = LinkModel::new(robot.arm().unwrap());
+    for at in [pose(20.0, 60.0, 0.30), pose(45.0, 90.0, 0.35), pose(70.0, 120.0, 0.38)] {
+        let trace = session(&robot, &[], &Trajectory::rest(at), 0.1);
+        let last = trace.samples()[99];
+        // Friction of any directions bounds where the links can come to rest.
+        let corners: Vec<_> =
+            (0..8).map(|c| model.settled(&last.cycle.motor, &Vector3::from_fn(|j, _| if c >> j & 1 == 1 { 1.0 } else { -1.0 }))).collect();
+        // The encoder's step, at the joint, is what the controller's own reading leaves open.
+        let step = 0.51 * std::f64::consts::TAU / 4000.0;
+        for j in 0..3 {
+            let slack = step / model.arm().transmission.ratio[j] + 1e-9;
+            let low = corners.iter().map(|c| c[j]).fold(f64::INFINITY, f64::min) - slack;
+            let high = corners.iter().map(|c| c[j]).fold(f64::NEG_INFINITY, f64::max) + slack;
+            assert!(last.joint[j] >= low && last.joint[j] <= high, "joint {j}: {} not in {low}..{high}", last.joint[j]);
+        }
+    }
+}
+
+#[test]
+fn stiff_cables_make_encoders_and_joints_agree() {
+    let robot = stiff();
+    let limits = robot.arm().unwrap().limits;
+    let path = Trajectory::of(Motion::Fls(0), 10.0, &limits, Vector3::zeros(), &mut rng(2));
+    for sample in session(&robot, &[], &path, 10.0).samples() {
+        let miss = (believed(&robot, sample) - sample.joint).abs();
+        assert!(miss[0] < 3e-5 && miss[1] < 3e-5 && miss[2] < 5e-6, "{miss}");
+    }
+}
+
+/// Halving the step quarters the error while nothing sticks, and never changes the joints by what an encoder could see.
+#[test]
+fn halving_the_step_converges() {
+    let robot = nominal::gold();
+    let swing = |step_s: f64| {
+        let mut plant = Plant::at_hard_stop(
+            Machine::new(&robot, &effects(&["link-coulomb-friction:shoulder=0", "motor-coulomb-friction:shoulder=0"])).unwrap(),
+        );
+        plant.hold_links(false);
+        plant.advance(&Vector3::new(0.15, -0.2, -0.2), 0.2, step_s);
+        plant.state().joint
+    };
+    let (coarse, middle, fine) = (swing(2e-4), swing(1e-4), swing(5e-5));
+    let (first, second) = ((coarse - middle).amax(), (middle - fine).amax());
+    assert!(second < 0.6 * first && second < 1e-6, "{first} {second}");
+
+    let limits = robot.arm().unwrap().limits;
+    let run = |step_s: f64| {
+        let path = Trajectory::of(Motion::Rich, 5.0, &limits, Vector3::zeros(), &mut rng(1));
+        let mut recorder = Recorder::at_hard_stop(&robot, Machine::new(&robot, &[]).unwrap(), [0; 3]).unwrap().with_step(step_s);
+        recorder.approach(path.start());
+        recorder.record(&path, 5.0, || {})
+    };
+    let (usual, fine) = (run(STEP_S), run(0.25 * STEP_S));
+    let worst = usual.samples().iter().zip(fine.samples()).fold(0.0_f64, |w, (a, b)| {
+        let stretch = |s: &Sample| believed(&robot, s) - s.joint;
+        w.max((stretch(a) - stretch(b)).amax())
+    });
+    assert!(worst < 2e-4, "{worst}");
+}
+
+#[test]
+fn a_soft_light_variant_stays_stable() {
+    let mut robot = nominal::gold();
+    for joint in &mut robot.joints {
+        let cable = joint.cable.as_mut().unwrap();
+        cable.stiffness *= 0.02;
+        cable.damping *= 20.0;
+    }
+    for link in &mut robot.links {
+        link.mass *= 0.2;
+        link.inertia = link.inertia.map(|i| 0.2 * i);
+    }
+    let limits = robot.arm().unwrap().limits;
+    let path = Trajectory::of(Motion::Rich, 5.0, &limits, Vector3::zeros(), &mut rng(1));
+    let trace = session(&robot, &[], &path, 5.0);
+    assert!(trace.samples().iter().all(|s| s.joint_rate.amax() < 3.0));
+}
+
+#[test]
+fn between_samples_the_joints_move_smoothly() {
+    let robot = nominal::gold();
+    let limits = robot.arm().unwrap().limits;
+    let path = Trajectory::of(Motion::Sinusoid, 3.0, &limits, Vector3::zeros(), &mut rng(1));
+    let trace = session(&robot, &[], &path, 3.0);
+    assert_relative_eq!(trace.joint_at(1.234), trace.samples()[1234].joint, epsilon = 1e-12);
+    let middle = 0.5 * (trace.samples()[1234].joint + trace.samples()[1235].joint);
+    assert_relative_eq!(trace.joint_at(1.2345), middle, epsilon = 1e-6);
+    assert_eq!(trace.joint_at(-1.0), trace.samples()[0].joint);
+}
+#[test]
+fn speed() {
+    let robot = nominal::gold();
+    let limits = robot.arm().unwrap().limits;
+    let path = Trajectory::of(Motion::Sinusoid, 20.0, &limits, Vector3::zeros(), &mut rng(1));
+    let start = std::time::Instant::now();
+    session(&robot, &[], &path, 20.0);
+    eprintln!("{} s/s", 23.5 / start.elapsed().as_secs_f64());
+}
