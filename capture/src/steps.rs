@@ -53,3 +53,39 @@ fn step(program: &'static str, missing: &[Option<&str>], note: &str) -> Step {
     let ready = missing.is_empty();
     Step { program, ready, note: if ready { note.to_owned() } else { format!("needs {}", missing.join(" and ")) } }
 }
+
+#[cfg(test)]
+mod tests {
+    use raven::log::{LogWriter, RavenState, Stamp};
+
+    use super::*;
+
+    fn note_of(steps: &[Step], program: &str) -> (bool, String) {
+        let step = steps.iter().find(|step| step.program == program).unwrap();
+        (step.ready, step.note.clone())
+    }
+
+    fn of_log(write: impl FnOnce(&mut LogWriter)) -> Vec<Step> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        let mut log = LogWriter::create(&path).unwrap();
+        write(&mut log);
+        log.finish().unwrap();
+        steps(&Survey::of(&path).unwrap())
+    }
+
+    #[test]
+    fn a_bench_needs_no_tip() {
+        let steps = of_log(|log| log.joint_states(topics::MOTOR_JOINT_STATES, Stamp(1), &["carriage"], &[0.0], Some(&[1.0])).unwrap());
+        assert!(note_of(&steps, "raven-identify").0);
+        assert!(!note_of(&steps, "raven-replay").0);
+        assert_eq!(note_of(&steps, "raven-track"), (false, "needs images of both cameras".to_owned()));
+    }
+
+    #[test]
+    fn an_arm_without_tip_is_diagnosed_by_torque_only() {
+        let steps = of_log(|log| log.robot_state(Stamp(1), &RavenState::default()).unwrap());
+        assert_eq!(note_of(&steps, "raven-diagnose"), (true, "without /tip: by torque alone".to_owned()));
+        assert_eq!(note_of(&steps, "raven-identify"), (false, "needs /tip, or images to track it in".to_owned()));
+    }
+}

@@ -69,35 +69,35 @@ pub struct RavenState {
     pub last_seq: i32,
     /// Kind of each arm.
     pub mechanism_type: [i32; 2],
-    /// Tip in frame 0, gold then green [um].
+    /// Tip in frame 0, gold then green (um).
     pub pos_um: [i32; 6],
     /// Orientation of the tip, two row-major matrices.
     pub ori: [f32; 18],
     /// Desired orientation.
     pub ori_d: [f32; 18],
-    /// Desired tip [um].
+    /// Desired tip (um).
     pub pos_d_um: [i32; 6],
     /// Seconds and nanoseconds since the last message.
     pub dt: [i32; 2],
     /// Raw encoder counts, without the arm's sign.
     pub encoder_counts: [i32; 16],
-    /// Commands to the amplifiers [counts].
+    /// Commands to the amplifiers (counts).
     pub dac: [i32; 16],
-    /// Commanded torque after the gear box, at the capstan [N m].
+    /// Commanded torque after the gear box, at the capstan (N m).
     pub tau: [f32; 16],
-    /// Motor shaft angles [deg].
+    /// Motor shaft angles (deg).
     pub mpos_deg: [f32; 16],
-    /// The controller's joint angles [deg], insertion [m x 180/pi].
+    /// The controller's joint angles (deg), insertion (m x 180/pi).
     pub jpos_deg: [f32; 16],
-    /// Motor speeds [deg/s].
+    /// Motor speeds (deg/s).
     pub mvel_deg_s: [f32; 16],
-    /// The controller's joint speeds [deg/s].
+    /// The controller's joint speeds (deg/s).
     pub jvel_deg_s: [f32; 16],
-    /// Desired motor angles [deg].
+    /// Desired motor angles (deg).
     pub mpos_d_deg: [f32; 16],
-    /// Desired joint angles [deg].
+    /// Desired joint angles (deg).
     pub jpos_d_deg: [f32; 16],
-    /// Desired grasp [rad].
+    /// Desired grasp (rad).
     pub grasp_d: [f32; 2],
     /// Encoder counts at zero of the motor angle.
     pub encoder_offsets: [f32; 16],
@@ -148,11 +148,11 @@ fn put_floats(wire: &mut Vec<u8>, values: &[f32]) {
 /// The first three joints of one arm in one message.
 pub(super) struct MotorSample {
     pub(super) stamp: Option<Stamp>,
-    /// Motor shaft angles [rad].
+    /// Motor shaft angles (rad).
     pub(super) motor: [f64; 3],
-    /// Torque after the gear box [N m].
+    /// Torque after the gear box (N m).
     pub(super) torque: Option<[f64; 3]>,
-    /// The controller's joint angles [rad, rad, m].
+    /// The controller's joint angles (rad, rad, m).
     pub(super) controller: Option<[f64; 3]>,
     pub(super) counts: Option<[i32; 3]>,
 }

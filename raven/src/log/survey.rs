@@ -39,9 +39,9 @@ pub struct TopicSurvey {
 /// How far apart the frames of the two cameras are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraSkew {
-    /// Median of the stamp of the nearest right frame minus that of each left frame [s].
+    /// Median of the stamp of the nearest right frame minus that of each left frame (s).
     pub right_minus_left_s: f64,
-    /// Median of its absolute value [s].
+    /// Median of its absolute value (s).
     pub absolute_s: f64,
 }
 
