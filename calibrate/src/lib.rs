@@ -1,17 +1,53 @@
-//! Calibrates the cameras and registers them to the robot.
+//! Calibrates the two cameras, and registers them to the robot.
 
 pub mod board;
 pub mod bundle;
 pub mod calibration;
+pub mod cameras;
 pub mod corners;
+pub mod glob;
 pub mod grid;
 pub mod homography;
 pub mod junction;
 pub mod linear;
 pub mod pairing;
+pub mod pictures;
 pub mod saddle;
+#[cfg(test)]
+mod scene;
 pub mod start;
+pub mod stills;
 pub mod uncertainty;
+pub mod verdict;
 
-#[path = "scene.rs"]
-pub mod scene;
+use std::io::Write;
+
+use clap::{Parser, Subcommand};
+use raven::Result;
+use raven::cli::Outcome;
+
+/// Calibrate the cameras, and register them to the robot.
+#[derive(Debug, Clone, Parser)]
+#[command(version, arg_required_else_help = true)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Command {
+    /// Calibrate both cameras and the pose between them from pictures of a checkerboard.
+    Cameras(cameras::CamerasArgs),
+}
+
+/// Runs the program; the result goes to `out`.
+///
+/// # Errors
+/// A sentence for the user.
+pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    match args.command {
+        Command::Cameras(args) => cameras::run(&args, out),
+    }
+}

@@ -10,10 +10,11 @@
 //!
 //! This is the cluster-robust covariance CR3 (Bell and McCaffrey 2002), which also makes up for how few boards there are.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector3};
+use raven::camera::{Cameras, Quality};
 
 use crate::bundle::{Free, hold};
-use crate::linear::{Block, SHARED};
+use crate::linear::{Block, Rig, SHARED};
 
 /// Covariance of the shared parameters at the optimum, 24x24, zero for fixed ones; `None` if some board alone determines a parameter.
 #[must_use]
@@ -42,4 +43,31 @@ pub fn t95(boards: usize) -> f64 {
     let (z3, z5, z7) = (z.powi(3), z.powi(5), z.powi(7));
     let terms = [(z3 + z) / 4.0, (5.0 * z5 + 16.0 * z3 + 3.0 * z) / 96.0, (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / 384.0];
     z + terms[0] / freedom + terms[1] / freedom.powi(2) + terms[2] / freedom.powi(3)
+}
+
+/// Covariance of a point seen by both cameras [m^2] that comes from the calibration alone, in the left camera's frame.
+///
+/// The pixels stay, the cameras move: slopes by differences of a tenth of each parameter's standard deviation.
+#[must_use]
+pub fn point_covariance(rig: &Rig, covariance: &SMatrix<f64, SHARED, SHARED>, point_left: &Vector3<f64>) -> Option<Matrix3<f64>> {
+    let pixels = cameras_of(rig).project(point_left)?;
+    let mut slope = SMatrix::<f64, 3, SHARED>::zeros();
+    for index in (0..SHARED).filter(|&i| covariance[(i, i)] > 0.0) {
+        let mut step = SVector::<f64, SHARED>::zeros();
+        step[index] = 0.1 * covariance[(index, index)].sqrt();
+        let at = |step: &SVector<f64, SHARED>| {
+            let moved = cameras_of(&rig.moved(step, &[]));
+            Some(moved.triangulate(&pixels, &[Matrix2::identity(); 2])?.point_left)
+        };
+        slope.set_column(index, &((at(&step)? - at(&-step)?) / (2.0 * step[index])));
+    }
+    Some(slope * covariance * slope.transpose())
+}
+
+/// The rig as the cameras that everything else computes with.
+#[must_use]
+pub fn cameras_of(rig: &Rig) -> Cameras {
+    let [left, right] = rig.cameras;
+    let right_from_left = rig.right_from_left;
+    Cameras { left, right, right_from_left, base_from_left: None, latency_s: 0.0, quality: Quality::default() }
 }

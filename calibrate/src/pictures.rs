@@ -1,0 +1,134 @@
+//! Pictures of the board: from files or from a log, searched on all cores, and put together in pairs.
+
+use std::path::{Path, PathBuf};
+
+use image::GrayImage;
+use raven::cli;
+use raven::log::{CameraFrame, FrameData, Side, Stamp, frames};
+use raven::{Error, Result};
+use rayon::prelude::*;
+
+use crate::board::BoardSize;
+use crate::calibration::Shot;
+use crate::corners::{self, Sighting};
+use crate::stills;
+
+/// What the pictures showed.
+#[derive(Debug, Clone)]
+pub struct Pictures {
+    /// Left and right at one instant.
+    pub shots: Vec<Shot>,
+    /// Width and height of each camera's pictures [px].
+    pub sizes_px: [(u32, u32); 2],
+    /// Pictures of each camera.
+    pub pictures: [usize; 2],
+    /// Those with a board in them.
+    pub boards_seen: [usize; 2],
+    /// Pictures that could not be decoded.
+    pub undecodable: usize,
+}
+
+/// One picture, searched.
+struct Searched {
+    side: Side,
+    stamp: Stamp,
+    size_px: (u32, u32),
+    sighting: Option<Sighting>,
+}
+
+/// Pictures held in memory at a time.
+const BATCH: usize = 32;
+
+/// Searches picture files, the left and right ones paired in order.
+///
+/// # Errors
+/// If their numbers differ, or a file cannot be read or is no picture, or a camera's pictures differ in size.
+pub fn from_files(left: &[PathBuf], right: &[PathBuf], board: BoardSize) -> Result<Pictures> {
+    if left.len() != right.len() {
+        let counts = format!("{} left and {} right", left.len(), right.len());
+        return Err(Error::Argument(format!("there are {counts} pictures; they are paired in the order of their names, one by one.")));
+    }
+    let bar = cli::progress(2 * left.len() as u64, "looking for boards");
+    let search = |side: Side, path: &Path| {
+        let image = read(path, side)?;
+        let found = Searched { side, stamp: Stamp(0), size_px: image.dimensions(), sighting: corners::find(&image, board) };
+        bar.inc(1);
+        Ok(found)
+    };
+    let pairs: Vec<(&PathBuf, &PathBuf)> = left.iter().zip(right).collect();
+    let both: Vec<[Searched; 2]> =
+        pairs.par_iter().map(|(l, r)| Ok([search(Side::Left, l)?, search(Side::Right, r)?])).collect::<Result<_>>()?;
+    bar.finish_and_clear();
+    let mut pictures = Pictures::empty();
+    for ([l, r], (left, right)) in both.into_iter().zip(pairs) {
+        pictures.count(&l).map_err(|message| Error::file(left, message))?;
+        pictures.count(&r).map_err(|message| Error::file(right, message))?;
+        let name = left.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        pictures.shots.push(Shot { name, sightings: [l.sighting, r.sighting] });
+    }
+    Ok(pictures)
+}
+
+fn read(path: &Path, side: Side) -> Result<GrayImage> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, "read", e))?;
+    let frame =
+        CameraFrame { side, stamp: Stamp(0), log_time: Stamp(0), frame_id: String::new(), sequence: None, data: FrameData::Jpeg(bytes) };
+    frame.decode_gray().map_err(|_| Error::file(path, "this is no picture that can be decoded; JPEG and PNG are read."))
+}
+
+/// Searches the pictures of a log. A left and a right one are a pair if each is the other's nearest and they are within half a period; of
+/// pictures in quick succession the one is kept in which the board moved least.
+///
+/// # Errors
+/// If the log cannot be read, has no pictures, or a camera's pictures differ in size.
+pub fn from_log(path: &Path, board: BoardSize) -> Result<Pictures> {
+    let mut pictures = Pictures::empty();
+    let mut seen: [Vec<(Stamp, Option<Sighting>)>; 2] = [Vec::new(), Vec::new()];
+    let mut source = frames(path)?;
+    let bar = cli::spinner("looking for boards");
+    loop {
+        let batch: Vec<CameraFrame> = source.by_ref().take(BATCH).collect::<Result<_>>()?;
+        if batch.is_empty() {
+            break;
+        }
+        let search = |frame: &CameraFrame| {
+            let image = if frame.is_truncated() { None } else { frame.decode_gray().ok() }?;
+            Some(Searched { side: frame.side, stamp: frame.stamp, size_px: image.dimensions(), sighting: corners::find(&image, board) })
+        };
+        let searched: Vec<Searched> = batch.par_iter().filter_map(search).collect();
+        pictures.undecodable += batch.len() - searched.len();
+        for one in searched {
+            pictures.count(&one).map_err(|message| Error::file(path, message))?;
+            seen[one.side as usize].push((one.stamp, one.sighting));
+        }
+        bar.inc(batch.len() as u64);
+    }
+    bar.finish_and_clear();
+    seen.iter_mut().for_each(|side| side.sort_by_key(|(stamp, _)| *stamp));
+    pictures.shots = stills::choose(stills::pair(seen));
+    Ok(pictures)
+}
+
+impl Pictures {
+    fn empty() -> Self {
+        Self { shots: Vec::new(), sizes_px: [(0, 0); 2], pictures: [0; 2], boards_seen: [0; 2], undecodable: 0 }
+    }
+
+    /// Counts a picture; a sentence if its size differs from that of the others of its camera.
+    fn count(&mut self, searched: &Searched) -> Result<(), String> {
+        let camera = searched.side as usize;
+        let (size, known) = (searched.size_px, &mut self.sizes_px[camera]);
+        if self.pictures[camera] == 0 {
+            *known = size;
+        } else if *known != size {
+            let ((w, h), side) = (size, searched.side.name());
+            return Err(format!(
+                "a {side} picture is {w} x {h}, the others are {} x {}; calibrate with pictures of one size.",
+                known.0, known.1
+            ));
+        }
+        self.pictures[camera] += 1;
+        self.boards_seen[camera] += usize::from(searched.sighting.is_some());
+        Ok(())
+    }
+}

@@ -1,0 +1,137 @@
+//! What a calibration is worth, in sentences.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::board::Board;
+use crate::calibration::{Calibration, Shot};
+use crate::linear::Rig;
+use crate::uncertainty;
+
+/// One sentence about a calibration.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Sentence {
+    /// The sentence.
+    pub text: String,
+    /// Whether the user should do something about it.
+    pub warning: bool,
+}
+
+/// Stereo RMS over mono RMS from which on the pairs were not taken at one instant. Pairs triggered by hardware have 1.07 to 1.10, webcams
+/// with a board in the hand 1.5 to 5.
+pub const SYNCHRONISED_BELOW: f64 = 1.3;
+/// The image is divided into so many columns and rows to see where corners were.
+const CELLS: (usize, usize) = (8, 6);
+/// Below this part of the image the distortion at its edges is extrapolated.
+const LEAST_COVERAGE: f64 = 0.5;
+/// A board face-on says nothing about the focal length; the tilt from which on it does well [rad].
+const LEAST_TILT_RAD: f64 = 0.35;
+/// Depth error worth a warning [m per m]: at 0.4 m a tracked tip's own noise is about 1 mm.
+const LARGEST_DEPTH_ERROR: f64 = 0.0025;
+
+/// Stereo RMS over the RMS that the cameras reach alone.
+#[must_use]
+pub fn synchronisation(calibration: &Calibration) -> f64 {
+    let alone = calibration.mono.iter().map(|m| m.rms_px * m.rms_px).sum::<f64>() / 2.0;
+    // Exact corners leave rounding, whose ratio says nothing.
+    (calibration.rms_px.powi(2) + 1e-12).sqrt() / (alone + 1e-12).sqrt()
+}
+
+/// All sentences about a calibration.
+#[must_use]
+pub fn sentences(calibration: &Calibration, shots: &[Shot], board: &Board) -> Vec<Sentence> {
+    let mut all = vec![seeing(calibration, shots)];
+    all.extend(unmatched(calibration, shots));
+    for (camera, name) in ["left", "right"].into_iter().enumerate() {
+        all.push(coverage(calibration, shots, camera, name));
+        all.push(tilt(calibration, board, camera, name));
+    }
+    all.push(timing(calibration, shots));
+    all.push(depth(calibration, board));
+    all
+}
+
+fn seeing(calibration: &Calibration, shots: &[Shot]) -> Sentence {
+    let seen = |camera: usize| shots.iter().filter(|s| s.sightings[camera].is_some()).count();
+    let text = format!("Boards used: {} left, {} right, {} of them by both at once.", seen(0), seen(1), calibration.pairs.len());
+    Sentence { text, warning: false }
+}
+
+fn unmatched(calibration: &Calibration, shots: &[Shot]) -> Option<Sentence> {
+    let names: Vec<&str> = calibration.unmatched.iter().take(5).map(|&i| shots[i].name.as_str()).collect();
+    (!names.is_empty()).then(|| Sentence {
+        text: format!(
+            "In {} pairs the two views do not fit together ({}): the board moved by half a square between them, or too little of it is \
+             visible. They were used for each camera alone.",
+            calibration.unmatched.len(),
+            names.join(", ")
+        ),
+        warning: true,
+    })
+}
+
+fn coverage(calibration: &Calibration, shots: &[Shot], camera: usize, name: &str) -> Sentence {
+    let pinhole = &calibration.rig.cameras[camera];
+    let mut seen = vec![false; CELLS.0 * CELLS.1];
+    for pixel in shots.iter().filter_map(|s| s.sightings[camera].as_ref()).flat_map(|s| s.grid.corners.values()) {
+        let cell = |at: f64, size: u32, cells: usize| ((at + 0.5) / f64::from(size) * cells as f64).clamp(0.0, cells as f64 - 1.0) as usize;
+        seen[cell(pixel.y, pinhole.height, CELLS.1) * CELLS.0 + cell(pixel.x, pinhole.width, CELLS.0)] = true;
+    }
+    let part = seen.iter().filter(|&&s| s).count() as f64 / seen.len() as f64;
+    let warning = part < LEAST_COVERAGE;
+    let advice = if warning { "; show the board near the edges too" } else { "" };
+    Sentence { text: format!("Corners cover {:.0} % of the {name} image{advice}.", 100.0 * part), warning }
+}
+
+fn tilt(calibration: &Calibration, board: &Board, camera: usize, name: &str) -> Sentence {
+    let of = |pose: &nalgebra::Isometry3<f64>| {
+        let sight = (pose * Point3::from(board.middle())).coords;
+        let normal = pose.rotation * Vector3::z();
+        normal.dot(&sight.normalize()).abs().min(1.0).acos()
+    };
+    let largest = calibration.mono[camera].poses.iter().flatten().map(of).fold(0.0, f64::max);
+    let warning = largest < LEAST_TILT_RAD;
+    let advice = if warning { "; tilt it by 30 to 45 deg, or its focal length is a guess" } else { "" };
+    Sentence { text: format!("The board was tilted by up to {:.0} deg to the {name} camera{advice}.", largest.to_degrees()), warning }
+}
+
+fn timing(calibration: &Calibration, shots: &[Shot]) -> Sentence {
+    let ratio = synchronisation(calibration);
+    let alone = calibration.mono.iter().map(|m| m.rms_px).collect::<Vec<_>>();
+    let measured =
+        format!("Synchronisation: stereo RMS is {ratio:.2} times the RMS of each camera alone ({:.3}, {:.3} px)", alone[0], alone[1]);
+    if ratio <= SYNCHRONISED_BELOW {
+        return Sentence { text: format!("{measured}, as of pairs taken at one instant."), warning: false };
+    }
+    let mut worst = calibration.pairs.clone();
+    worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let worst: Vec<String> = worst.iter().take(5).map(|&(shot, rms)| format!("{} {rms:.2} px", shots[shot].name)).collect();
+    let text = format!(
+        "{measured}: the pairs were probably not taken at one instant. Lay the board down for each pair. Worst: {}.",
+        worst.join(", ")
+    );
+    Sentence { text, warning: true }
+}
+
+fn depth(calibration: &Calibration, board: &Board) -> Sentence {
+    let unknown = Sentence {
+        text: "Too few boards: leaving one out leaves a parameter open, so no standard deviations are known. Show more boards.".to_owned(),
+        warning: true,
+    };
+    let Some(covariance) = &calibration.covariance else { return unknown };
+    let distance = mean_distance(&calibration.rig, board);
+    let Some(point) = uncertainty::point_covariance(&calibration.rig, covariance, &Vector3::new(0.0, 0.0, distance)) else {
+        return unknown;
+    };
+    let std = point[(2, 2)].sqrt();
+    let warning = std > LARGEST_DEPTH_ERROR * distance;
+    let advice = if warning { "; show more boards, tilted, near and far" } else { "" };
+    let text = format!(
+        "At the boards' mean distance, {distance:.3} m, depth is known to {:.2} mm (1 sigma) as far as the calibration goes{advice}.",
+        1e3 * std
+    );
+    Sentence { text, warning }
+}
+
+fn mean_distance(rig: &Rig, board: &Board) -> f64 {
+    rig.boards.iter().map(|pose| (pose * Point3::from(board.middle())).z).sum::<f64>() / rig.boards.len() as f64
+}
