@@ -80,7 +80,7 @@ pub fn unknowns(robot: &Robot, selection: &Selection, quality: &Quality) -> Resu
         let prior = *numbers.value_mut(&key).ok_or_else(|| {
             Error::Data(format!("robot `{}` has no {key}, so {} cannot be estimated; add it to the file.", robot.name, quantity.name()))
         })?;
-        if quantity.is_positive() && !(prior > 0.0) {
+        if quantity.is_positive() && (prior.is_nan() || prior <= 0.0) {
             return Err(Error::Data(format!(
                 "robot `{}` has {key} = {prior}, and {} is estimated as a factor on it; write a positive number.",
                 robot.name,

@@ -60,7 +60,7 @@ impl Recordings {
     fn add(&mut self, path: &Path, robot: &Robot) -> Result<()> {
         let recording = Recording::read(path, &MotorSource::from(robot))?;
         let motor = recording.require_motor()?;
-        let &[ref first, ref second, ref third, ..] = motor.position.as_slice() else {
+        let [first, second, third, ..] = motor.position.as_slice() else {
             let message = format!("the motor side has {} joints, and an arm three; see `source:` in the robot file.", motor.position.len());
             return Err(Error::file(path, message));
         };

@@ -123,7 +123,7 @@ fn possible(before: &Constants, after: &Constants) -> Result<(), String> {
     for j in 0..3 {
         let joint = &after.joints[j];
         let radius = after.link_radius[j] / before.link_radius[j] - 1.0;
-        if !(radius.abs() <= RADIUS_OFF) {
+        if off_by_more(radius, RADIUS_OFF) {
             return Err(format!(
                 "joints.{joint}.link_pulley_radius is {}, {:+.1} % from {}; more than {:.0} % is no pulley of this robot. Look at gear \
                  ratio, capstan and registration.",
@@ -134,21 +134,21 @@ fn possible(before: &Constants, after: &Constants) -> Result<(), String> {
             ));
         }
         let ratio = after.ratio[j] / before.ratio[j] - 1.0;
-        if !(ratio.abs() <= RADIUS_OFF) {
+        if off_by_more(ratio, RADIUS_OFF) {
             return Err(format!(
                 "the transmission ratio of {joint} is {:+.1} % from before; that is no transmission of this robot.",
                 100.0 * ratio
             ));
         }
         let stop = after.hard_stop[j] - before.hard_stop[j];
-        if !(stop.abs() <= HARD_STOP_OFF[j]) {
+        if off_by_more(stop, HARD_STOP_OFF[j]) {
             return Err(format!(
                 "joints.{joint}.hard_stop is {}, {stop:+.3} from before; more than {} is no hard stop of this robot. Was it homed?",
                 after.hard_stop[j], HARD_STOP_OFF[j]
             ));
         }
         let coupling = after.coupling[j] - before.coupling[j];
-        if !(coupling.abs() <= COUPLING_OFF[j]) {
+        if off_by_more(coupling, COUPLING_OFF[j]) {
             let (from, to) = COUPLINGS[j];
             return Err(format!(
                 "cable_coupling from {} to {} is {}, {coupling:+.4} from before; more than {} is no cable routing of this robot.",
@@ -157,4 +157,8 @@ fn possible(before: &Constants, after: &Constants) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+fn off_by_more(difference: f64, limit: f64) -> bool {
+    difference.is_nan() || difference.abs() > limit
 }

@@ -29,7 +29,7 @@ const JOINTS: [&str; 3] = ["SHOULDER", "ELBOW", "Z_INS"];
 pub fn header(calibration: &Calibration) -> String {
     let mut header = Header { text: opening(calibration) };
     let (before, after) = (&calibration.before, &calibration.after);
-    for j in 0..3 {
+    for (j, joint) in JOINTS.into_iter().enumerate() {
         if before.ratio[j] == after.ratio[j] {
             continue;
         }
@@ -39,20 +39,16 @@ pub fn header(calibration: &Calibration) -> String {
             header.define(&format!("PARTIAL_PULLEY_LINK{}_RADIUS", j + 1), &format!("({bare:.6} + CABLE_RADIUS_1050)"), &old);
         }
         let ratio = |value: f64| format!("(float)({})", yaml_float(value));
-        header.define(
-            &format!("{}_TR_{}_ARM", JOINTS[j], after.arm_name().to_uppercase()),
-            &ratio(after.ratio[j]),
-            &ratio(before.ratio[j]),
-        );
+        header.define(&format!("{joint}_TR_{}_ARM", after.arm_name().to_uppercase()), &ratio(after.ratio[j]), &ratio(before.ratio[j]));
         for (other, maybe) in others(after.arm) {
-            header.keep(&format!("{}_TR_{other}_ARM", JOINTS[j]), &ratio(before.ratio[j]), *maybe);
+            header.keep(&format!("{joint}_TR_{other}_ARM"), &ratio(before.ratio[j]), *maybe);
         }
     }
-    for j in 0..3 {
+    for (j, joint) in JOINTS.into_iter().enumerate() {
         if before.hard_stop[j] != after.hard_stop[j] {
             header.comment(&format!("offset_{}{}", j + 1, deviation(calibration, &format!("joints.{}.hard_stop", after.joints[j]))));
             let number = |value: f64| format!("({})", yaml_float(value));
-            header.define(&format!("{}_MAX_ANGLE", JOINTS[j]), &number(after.hard_stop[j]), &number(before.hard_stop[j]));
+            header.define(&format!("{joint}_MAX_ANGLE"), &number(after.hard_stop[j]), &number(before.hard_stop[j]));
         }
     }
     for (c, (from, to)) in COUPLINGS.into_iter().enumerate() {

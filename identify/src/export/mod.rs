@@ -1,8 +1,8 @@
 //! What the robot's controller loads: the calibrated numbers in its own files.
 //!
 //! The public controller reads gains from `r2params.yaml` and compiles everything else in, so there are three ways out: its own
-//! parameter file with the calibrated lists added ([`r2params`]), a header that overrides its constants ([`defines`]), and all numbers
-//! under neutral names ([`rosparam`]). None of them writes a number that the logs did not determine or that the hardware cannot have.
+//! parameter file with the calibrated lists added (`r2params`), a header that overrides its constants (`defines`), and all numbers
+//! under neutral names (`rosparam`). None of them writes a number that the logs did not determine or that the hardware cannot have.
 
 mod calibration;
 mod constants;

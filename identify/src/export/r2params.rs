@@ -91,3 +91,62 @@ fn is_key(line: &str, key: &str) -> bool {
         .iter()
         .any(|key| line.strip_prefix(key.as_str()).is_some_and(|rest| rest.trim_start().starts_with(':')))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use raven::robot::{Provenance, nominal};
+
+    fn calibration() -> Calibration {
+        let mut robot = nominal::gold();
+        robot.joints[0].link_pulley_radius = 0.059;
+        robot.calibration.push(Provenance {
+            parameter: "r_l1".to_owned(),
+            key: "joints.shoulder.link_pulley_radius".to_owned(),
+            unit: "m".to_owned(),
+            value: 0.059,
+            std: 1e-5,
+            prior: 0.063095,
+            prior_std: 0.0063,
+            identified: true,
+            method: "batch".to_owned(),
+            logs: vec!["a\nb.mcap".to_owned()],
+            sha256: vec![String::new()],
+        });
+        Calibration::new(Path::new("identified.yaml"), &robot).unwrap()
+    }
+
+    fn chunk() -> impl Strategy<Value = String> {
+        prop_oneof![
+            Just("# a comment\n".to_owned()),
+            Just("\n".to_owned()),
+            "[a-f]{1,8}: [0-9]\\.[0-9]\n".prop_map(|line| format!("x{line}")),
+            "y[a-f]{1,8}:\n- 0\\.[0-9]\n# between\n\n- 1\\.5 # after\n",
+            "z[a-f]{1,8}: \\[1\\.0,\n  2\\.0]\n",
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn all_but_the_calibrated_lists_stays(before in prop::collection::vec(chunk(), 0..6), after in prop::collection::vec(chunk(), 0..6)) {
+            let (before, after, path) = (before.concat(), after.concat(), Path::new("base.yaml"));
+            prop_assume!(parse_yaml::<Parameters>(path, &format!("{before}{after}x: 1.0\n")).is_ok());
+            let old = "tr_gold:\n- 1.0\n\n# inside\n- 2.0\n";
+            let text = merge(path, &format!("{before}{old}{after}x: 1.0\n"), &calibration()).unwrap();
+            let tail = format!("{after}x: 1.0\n");
+            prop_assert!(text.starts_with(&before), "{text}");
+            let rest = &text[before.len()..];
+            let (line, rest) = rest.split_at(rest.find('\n').unwrap() + 1);
+            prop_assert!(line.starts_with("tr_gold: [") && rest.starts_with(&tail), "{text}");
+            prop_assert_eq!(rest[tail.len()..].lines().count(), 2);
+        }
+
+        #[test]
+        fn any_base_is_kept_or_refused(base in "\\PC{0,60}(\n\\PC{0,20}){0,4}") {
+            if let Ok(text) = merge(Path::new("base.yaml"), &base, &calibration()) {
+                prop_assert!(text.contains("tr_gold: ["));
+            }
+        }
+    }
+}
