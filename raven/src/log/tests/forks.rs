@@ -110,14 +110,21 @@ fn tip_and_frames_in_ros1() {
     let image = ros1_channel(&mut log, topics::LEFT_RAW, "sensor_msgs/Image", &raw);
     let wire = Wire::default().header(ms(6)).u32s(&[1, 2]).text("mono8").bytes(&[0]).u32s(&[2, 2]).bytes(&[10, 20]);
     log.write(image, ms(9), 0, &wire.0).unwrap();
+    let compressed = format!("Header header\nstring format\nuint8[] data\n{HEADER_TYPE}");
+    let image = ros1_channel(&mut log, topics::RIGHT_COMPRESSED, "sensor_msgs/CompressedImage", &compressed);
+    let wire = Wire::default().header(ms(7)).text("jpeg").u32s(&[4]).bytes(&[0xff, 0xd8, 0xff, 0xd9]);
+    log.write(image, ms(9), 0, &wire.0).unwrap();
     log.finish().unwrap();
     let recording = read(&path);
     let tip = &recording.require_tip().unwrap()[0];
     assert_eq!((tip.stamp, tip.frame_id.as_str(), tip.status, tip.right_px), (ms(5), "robot", TipStatus::Seen, [3.0, 4.0]));
     assert_eq!((tip.position_m.x, tip.covariance_m2[(0, 1)]), (5.0, 2.0));
-    let frame = frames(&path).unwrap().next().unwrap().unwrap();
-    assert_eq!((frame.stamp, frame.sequence, frame.side), (ms(6), Some(7), Side::Left));
-    assert_eq!(frame.decode_gray().unwrap().as_raw(), &[10, 20]);
+    let both: Vec<CameraFrame> = frames(&path).unwrap().collect::<Result<_, _>>().unwrap();
+    let [raw, jpeg] = both.as_slice() else { panic!("{both:?}") };
+    assert_eq!((raw.stamp, raw.sequence, raw.side), (ms(6), Some(7), Side::Left));
+    assert_eq!(raw.decode_gray().unwrap().as_raw(), &[10, 20]);
+    assert_eq!((jpeg.stamp, jpeg.side), (ms(7), Side::Right));
+    assert_eq!(jpeg.data, FrameData::Jpeg(vec![0xff, 0xd8, 0xff, 0xd9]));
 }
 
 /// A position that is not finite cannot be used, whatever its status says.
