@@ -91,7 +91,7 @@ impl Cameras {
                 latency_s: file.latency,
                 quality: file.quality,
             };
-            if !(file.latency.abs() < 5.0) {
+            if file.latency.is_nan() || file.latency.abs() >= 5.0 {
                 return Err(format!("latency is {}, expected seconds. Is it in milliseconds?", file.latency));
             }
             let baseline = cameras.baseline_m();
