@@ -10,8 +10,11 @@ pub mod grid;
 pub mod homography;
 pub mod junction;
 pub mod linear;
+pub mod marker_position;
+pub mod mount;
 pub mod pairing;
 pub mod pictures;
+pub mod register;
 pub mod saddle;
 #[cfg(test)]
 mod scene;
@@ -40,6 +43,8 @@ pub struct Args {
 pub enum Command {
     /// Calibrate both cameras and the pose between them from pictures of a checkerboard.
     Cameras(cameras::CamerasArgs),
+    /// Register the cameras to the robot from a recording at the hard stop.
+    Register(register::RegisterArgs),
 }
 
 /// Runs the program; the result goes to `out`.
@@ -49,5 +54,6 @@ pub enum Command {
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match args.command {
         Command::Cameras(args) => cameras::run(&args, out),
+        Command::Register(args) => register::run(&args, out),
     }
 }

@@ -1,0 +1,131 @@
+//! Where a marker at rest is before the left camera, from all frames of a recording.
+//!
+//! Blobs of the marker's colour in the left and the right image are taken together if their rays meet and they have the size of the marker
+//! at that distance. Something else of that colour far away fails the second test: it has next to no disparity. Candidates of all frames
+//! are gathered by place; if more than one place remains, the recording does not say which is the marker.
+
+use image::RgbImage;
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use raven::camera::{Cameras, Pinhole};
+use raven::stats::median;
+use raven_track::look::Marker;
+use raven_track::marker::blobs;
+use raven_track::perspective::ball_centre;
+
+/// A place where the marker may be, in the left camera's frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Place {
+    /// Robust mean over the frames [m].
+    pub point_left: Vector3<f64>,
+    /// Covariance of that mean from its scatter [m^2].
+    pub covariance: Matrix3<f64>,
+    /// Frames in which it was seen.
+    pub frames: usize,
+}
+
+/// A blob in one image.
+#[derive(Debug, Clone, Copy)]
+struct Disc {
+    centre_px: Vector2<f64>,
+    std_px: f64,
+    radius_px: f64,
+}
+
+/// Candidates of all frames, gathered by place.
+#[derive(Debug, Clone, Default)]
+pub struct Gathered {
+    frames: usize,
+    places: Vec<Vec<Vector3<f64>>>,
+}
+
+/// What is flatter or less like an ellipse is no ball.
+const MIN_ASPECT: f64 = 0.6;
+const MIN_FILL: f64 = 0.9;
+/// Rays meet if chi-square, one degree of freedom, is below its 99.9 % quantile for noise three times as large as the blobs claim: shading
+/// moves both centres.
+const LARGEST_CHI2: f64 = 9.0 * 10.83;
+/// The blob's radius over that of the marker at its distance: blur and threshold make it larger or smaller.
+const RADIUS_RATIO: [f64; 2] = [0.6, 1.6];
+/// Candidates nearer than this, relative to their distance, are one place.
+const SAME_PLACE: f64 = 0.02;
+/// A place must be seen in this part of the frames of the most seen one, else it is a passing reflection.
+const LEAST_SHARE: f64 = 0.3;
+
+impl Gathered {
+    /// Adds the candidates of a pair of frames.
+    pub fn add(&mut self, cameras: &Cameras, marker: &Marker, images: [&RgbImage; 2]) {
+        let discs = [discs(images[0], &cameras.left, marker), discs(images[1], &cameras.right, marker)];
+        self.frames += 1;
+        let mut points: Vec<(f64, Vector3<f64>)> = Vec::new();
+        for left in &discs[0] {
+            points.extend(discs[1].iter().filter_map(|right| candidate(cameras, marker, left, right)));
+        }
+        // A place gets one candidate per frame, the best.
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut taken: Vec<usize> = Vec::new();
+        for (_, point) in points {
+            let near = |place: &Vec<Vector3<f64>>| (place[place.len() - 1] - point).norm() < SAME_PLACE * point.norm();
+            let index = self.places.iter().position(near).unwrap_or_else(|| {
+                self.places.push(Vec::new());
+                self.places.len() - 1
+            });
+            if !taken.contains(&index) {
+                self.places[index].push(point);
+                taken.push(index);
+            }
+        }
+    }
+
+    /// Pairs of frames added.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// The places that were seen often, the most seen first.
+    #[must_use]
+    pub fn places(&self) -> Vec<Place> {
+        let most = self.places.iter().map(Vec::len).max().unwrap_or(0);
+        let often = self.places.iter().filter(|p| p.len() as f64 >= LEAST_SHARE * most as f64);
+        let mut places: Vec<Place> = often.filter_map(|points| robust_mean(points)).collect();
+        places.sort_by_key(|p| std::cmp::Reverse(p.frames));
+        places
+    }
+}
+
+fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
+    let round =
+        blobs(image, None, &marker.colour).into_iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
+    let disc = |blob: raven_track::marker::Blob| {
+        let (outline, std_px) = blob.centre(marker.centre);
+        Disc { centre_px: ball_centre(camera, &outline, blob.radius_px), std_px, radius_px: blob.radius_px }
+    };
+    round.map(disc).collect()
+}
+
+/// Chi-square and place of two discs, if they can be the marker.
+fn candidate(cameras: &Cameras, marker: &Marker, left: &Disc, right: &Disc) -> Option<(f64, Vector3<f64>)> {
+    let noise = [left, right].map(|d| Matrix2::identity() * (d.std_px * d.std_px));
+    let seen = cameras.triangulate(&[left.centre_px, right.centre_px], &noise)?;
+    let fits = |disc: &Disc, camera: &Pinhole, depth: f64| {
+        let ratio = disc.radius_px * depth / (marker.radius_m * (camera.fx * camera.fy).sqrt());
+        (RADIUS_RATIO[0]..=RADIUS_RATIO[1]).contains(&ratio)
+    };
+    let right_depth = (cameras.right_from_left * nalgebra::Point3::from(seen.point_left)).z;
+    let plausible = fits(left, &cameras.left, seen.point_left.z) && fits(right, &cameras.right, right_depth);
+    (plausible && seen.chi2 < LARGEST_CHI2).then_some((seen.chi2, seen.point_left))
+}
+
+/// Mean of the points within three robust standard deviations of the median, and its covariance.
+fn robust_mean(points: &[Vector3<f64>]) -> Option<Place> {
+    let axis = |i: usize| points.iter().map(|p| p[i]).collect::<Vec<f64>>();
+    let middle = Vector3::new(median(&axis(0))?, median(&axis(1))?, median(&axis(2))?);
+    let spread = |i: usize| median(&axis(i).iter().map(|v| (v - middle[i]).abs()).collect::<Vec<f64>>());
+    // A normal deviate is 1.4826 times its median absolute deviation.
+    let sigma = Vector3::new(spread(0)?, spread(1)?, spread(2)?) * 1.4826;
+    let near: Vec<&Vector3<f64>> = points.iter().filter(|p| (0..3).all(|i| (p[i] - middle[i]).abs() <= 3.0 * sigma[i] + 1e-9)).collect();
+    let count = near.len() as f64;
+    let mean = near.iter().copied().sum::<Vector3<f64>>() / count;
+    let scatter = near.iter().map(|p| (*p - mean) * (*p - mean).transpose()).sum::<Matrix3<f64>>();
+    Some(Place { point_left: mean, covariance: scatter / (count * (count - 1.0).max(1.0)), frames: points.len() })
+}
