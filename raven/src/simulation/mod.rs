@@ -6,6 +6,7 @@
 mod cable;
 mod controller;
 mod effect;
+mod film;
 mod friction;
 mod machine;
 mod motion;
@@ -26,8 +27,8 @@ pub use motion::{Limits, Motion, Trajectory};
 pub use plant::{Plant, PlantState, STEP_S};
 pub use render::{Board, Canvas, Renderer, Sensor, Tool};
 pub use rig::Rig;
-pub use session::{Options, Session, Written};
-pub use shutter::{Delays, Exposure};
+pub use session::{BOARD, Options, Session, Written};
+pub use shutter::Delays;
 pub use trace::{Recorder, Sample, Trace};
 pub use truth::{Hidden, MARKER_RADIUS_M, Truth};
 
