@@ -21,7 +21,7 @@ pub struct Args {
     /// board, hardstop, sinusoid, fls (fls1, fls2, ... are other trials), rich, or bench for a bench.
     #[arg(long)]
     pub motion: Motion,
-    /// Length of the recording [s]; 3 at the hard stop, where the board takes its own time.
+    /// Length of the recording [s]: 60 if left off, 3 at the hard stop, 32 for the board, which is shown in a new pose every second.
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
     /// Render images of both cameras instead of writing the tip's position.
@@ -79,9 +79,13 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         start: Stamp::default().plus_seconds(args.start_time),
     };
     let session = Session::new(&robot, options)?;
-    let duration_s = args.duration.unwrap_or(if args.motion == Motion::Hardstop { 3.0 } else { 60.0 });
-    let bar = cli::progress(duration_s as u64, "simulating");
-    let written = session.record(args.motion, duration_s, &args.output, || bar.inc(1))?;
+    let duration_s = args.duration.unwrap_or(match args.motion {
+        Motion::Hardstop => 3.0,
+        Motion::Board => 32.0,
+        _ => 60.0,
+    });
+    let bar = cli::progress(1000, "simulating");
+    let written = session.record(args.motion, duration_s, &args.output, |done| bar.set_position((1000.0 * done) as u64))?;
     bar.finish_and_clear();
     if let Some(path) = &args.truth {
         cli::write_json(path, &session.truth_json())?;

@@ -6,10 +6,12 @@
 mod cable;
 mod controller;
 mod effect;
+mod film;
 mod friction;
 mod machine;
 mod motion;
 mod plant;
+mod render;
 mod rig;
 mod session;
 mod shutter;
@@ -23,9 +25,10 @@ pub use effect::{Effect, EffectKind, Scope, Value};
 pub use machine::{Drive, Load, Machine};
 pub use motion::{Limits, Motion, Trajectory};
 pub use plant::{Plant, PlantState, STEP_S};
+pub use render::{Board, Canvas, Renderer, Sensor, Tool};
 pub use rig::Rig;
-pub use session::{Options, Session, Written};
-pub use shutter::{Delays, Exposure};
+pub use session::{BOARD, Options, Session, Written};
+pub use shutter::Delays;
 pub use trace::{Recorder, Sample, Trace};
 pub use truth::{Hidden, MARKER_RADIUS_M, Truth};
 

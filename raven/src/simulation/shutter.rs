@@ -74,9 +74,30 @@ pub struct Exposure {
     pub hidden: bool,
 }
 
-/// The frames of one camera over a recording; `jitter` and gaps only where images are real.
+/// A time during which something is between the marker and a camera, or both.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hiding {
+    from_s: f64,
+    to_s: f64,
+    left: bool,
+    right: bool,
+}
+
+impl Hiding {
+    /// Whether the marker is hidden from a camera at a time [s].
+    #[must_use]
+    pub fn hides(&self, side: Side, time_s: f64) -> bool {
+        let from_this = match side {
+            Side::Left => self.left,
+            Side::Right => self.right,
+        };
+        from_this && (self.from_s..self.to_s).contains(&time_s)
+    }
+}
+
+/// The frames of one camera over a recording.
 #[must_use]
-pub fn exposures(side: Side, duration_s: f64, rate_hz: f64, delays: &Delays, hidden: &[[f64; 2]], rng: &mut impl Rng) -> Vec<Exposure> {
+pub fn exposures(side: Side, duration_s: f64, rate_hz: f64, delays: &Delays, hidden: &[Hiding], rng: &mut impl Rng) -> Vec<Exposure> {
     let period_s = (1.0 + rng.random_range(-CLOCK_ERROR..CLOCK_ERROR)) / rate_hz;
     let first_s = rng.random_range(0.0..period_s);
     let count = ((duration_s - first_s) / period_s).ceil().max(0.0) as u32;
@@ -86,30 +107,30 @@ pub fn exposures(side: Side, duration_s: f64, rate_hz: f64, delays: &Delays, hid
             let jitter: f64 = StandardNormal.sample(rng);
             let dropped = rng.random_bool(DROPPED);
             let stamp_s = time_s + delays.of_image(side, time_s) + JITTER_S * jitter.clamp(-3.0, 3.0);
-            let hidden = hidden.iter().any(|[from, to]| (*from..*to).contains(&time_s));
+            let hidden = hidden.iter().any(|hiding| hiding.hides(side, time_s));
             (!dropped).then_some(Exposure { sequence, time_s, stamp_s, hidden })
         })
         .collect()
 }
 
-/// Times during which something hides the marker, for `part` of the recording on average.
+/// Times during which something hides the marker from at least one camera, for `part` of the recording on average.
 #[must_use]
-pub fn hidden_times(duration_s: f64, part: f64, rng: &mut impl Rng) -> Vec<[f64; 2]> {
+pub fn hidings(duration_s: f64, part: f64, rng: &mut impl Rng) -> Vec<Hiding> {
     let [shortest, longest] = HIDDEN_S;
-    let mut times = Vec::new();
+    let mut hidings = Vec::new();
     let mut now = 0.0;
     if part <= 0.0 {
-        return times;
+        return hidings;
     }
     // Mean time in sight between two blocks, so that blocks are `part` of the whole.
     let between = 0.5 * (shortest + longest) * (1.0 - part) / part;
     loop {
-        let seen: f64 = rng.random_range(0.2..1.8);
-        let from = now + between * seen;
-        now = from + rng.random_range(shortest..longest);
-        if from >= duration_s {
-            return times;
+        let from_s = now + between * rng.random_range(0.2..1.8);
+        now = from_s + rng.random_range(shortest..longest);
+        if from_s >= duration_s {
+            return hidings;
         }
-        times.push([from, now]);
+        let side = rng.random_range(0..3);
+        hidings.push(Hiding { from_s, to_s: now, left: side != 1, right: side != 0 });
     }
 }

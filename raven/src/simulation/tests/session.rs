@@ -11,7 +11,7 @@ fn recorded(robot: &Robot, options: Options, motion: Motion, duration_s: f64) ->
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.mcap");
     let session = Session::new(robot, options).unwrap();
-    session.record(motion, duration_s, &path, || {}).unwrap();
+    session.record(motion, duration_s, &path, |_| {}).unwrap();
     let log = Recording::read(&path, &MotorSource::from(robot)).unwrap();
     (session, log)
 }
@@ -176,7 +176,7 @@ fn the_same_seed_gives_the_same_bytes() {
     let write = |name: &str, seed: u64| {
         let path = folder.path().join(name);
         let session = Session::new(&nominal::gold(), Options { seed, hidden: Hidden::Lab, ..Options::default() }).unwrap();
-        session.record(Motion::Rich, 2.0, &path, || {}).unwrap();
+        session.record(Motion::Rich, 2.0, &path, |_| {}).unwrap();
         (std::fs::read(&path).unwrap(), session.truth_json().to_string())
     };
     let (first, again, other) = (write("a.mcap", 7), write("b.mcap", 7), write("c.mcap", 8));
@@ -248,7 +248,7 @@ fn what_makes_no_sense_is_refused() {
     for (motion, duration_s) in [(Motion::Bench, 1.0), (Motion::Rich, 0.0), (Motion::Rich, f64::NAN)] {
         assert!(matches!(session.run(motion, duration_s, || {}), Err(crate::Error::Argument(_))));
     }
-    let board = session.record(Motion::Board, 1.0, std::path::Path::new("/nowhere/board.mcap"), || {});
+    let board = session.record(Motion::Board, 1.0, std::path::Path::new("/nowhere/board.mcap"), |_| {});
     assert!(board.unwrap_err().to_string().contains("--images"));
     assert!(Session::new(&robot, Options { rate_hz: 0.0, ..Options::default() }).is_err());
     assert!("laboratory".parse::<Hidden>().is_err());
