@@ -52,7 +52,7 @@ pub struct Report {
     unreachable: usize,
 }
 
-/// How far the controller's logged joint angles are from this file's transmission kinematics.
+/// How far the controller's logged joint angles are from transmission kinematics by the numbers it then had.
 #[derive(Debug, Serialize)]
 struct ControllerDifference {
     joint: String,
@@ -135,7 +135,7 @@ impl Report {
             writeln!(out, "{:<10} {:<9} {:>4} {:>8.2} {excess:>14} {time:>13}", place.joint, place.phase.name(), place.unit, place.rms)?;
         }
         if !self.controller.is_empty() {
-            writeln!(out, "\nThe controller's own joint angles against this file's transmission kinematics (largest difference)")?;
+            writeln!(out, "\nThe controller's own joint angles against transmission kinematics before calibration (largest difference)")?;
         }
         for difference in &self.controller {
             writeln!(out, "{:<10} {:>4} {:>12.6}", difference.joint, difference.unit, difference.largest)?;

@@ -28,7 +28,7 @@ pub struct Channels {
     pub joints: Vec<Residuals>,
     /// Distance of the tip from where the model has it; empty without a tip.
     pub tip: Residuals,
-    /// Largest difference between the controller's logged joint angles and this file's transmission kinematics.
+    /// Largest difference between the controller's logged joint angles and transmission kinematics by the numbers it then had.
     pub controller_difference: Option<Vec<f64>>,
     /// Tips that the kinematics cannot reach and that could not be used.
     pub unreachable: usize,
@@ -56,7 +56,7 @@ pub fn channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
 
 fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Channels> {
     let motor = recording.motor_track()?;
-    let mut channels = Channels { controller_difference: controller_difference(recording, arm)?, ..Channels::default() };
+    let mut channels = Channels { controller_difference: controller_difference(recording, &robot.before_calibration().arm()?)?, ..Channels::default() };
     if recording.tip.is_empty() {
         return Ok(channels);
     }

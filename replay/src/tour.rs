@@ -141,7 +141,8 @@ fn against_truth(folder: &Path) -> Result<String> {
         serde_json::from_str(&files::read_text(&path)?).map_err(|e| Error::file(&path, format!("is no JSON: {e}.")))?;
     let identified = Robot::read(&folder.join("identified.yaml"))?;
     let radius = identified.joints.first().map_or(f64::NAN, |j| j.link_pulley_radius);
-    let hidden = truth["r_l1_m"].as_f64().ok_or_else(|| Error::file(&path, "has no number `r_l1_m`."))?;
+    let hidden = truth.pointer("/link_pulley_radius_m/shoulder").and_then(serde_json::Value::as_f64);
+    let hidden = hidden.ok_or_else(|| Error::file(&path, "has no number at link_pulley_radius_m.shoulder."))?;
     let std = identified.calibration.iter().find(|c| c.parameter == "r_l1").map_or(f64::NAN, |c| c.std);
     Ok(format!(
         "The shoulder's pulley: hidden {:.3} mm, identified {:.3} +- {:.3} mm ({:+.2} %), nominal {:.3} mm.",
