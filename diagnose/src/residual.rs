@@ -56,7 +56,8 @@ pub fn channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
 
 fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Channels> {
     let motor = recording.motor_track()?;
-    let mut channels = Channels { controller_difference: controller_difference(recording, &robot.before_calibration().arm()?)?, ..Channels::default() };
+    let mut channels =
+        Channels { controller_difference: controller_difference(recording, &robot.before_calibration().arm()?)?, ..Channels::default() };
     if recording.tip.is_empty() {
         return Ok(channels);
     }

@@ -29,6 +29,9 @@ pub struct Args {
     fls_s: f64,
 }
 
+/// What forty seconds of sinusoid through two webcams can tell: the shoulder's ratio, the two softer cables, the cameras' latency.
+const PARAMETERS: &str = "--parameters r_l1,k_e2,k_e3,latency";
+
 /// One program of the chain, with its arguments as they would be typed.
 type Program = fn(&[String], &mut dyn Write) -> Result<Outcome>;
 
@@ -59,7 +62,11 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         let what = format!("{{{motion}.mcap}} --robot {{robot.yaml}} --cameras {{cameras.yaml}} -o {{{motion}-tracked.mcap}}");
         chain.step("raven-track", track, &what)?;
     }
-    chain.step("raven-identify", identify, "{sinusoid-tracked.mcap} --robot {robot.yaml} --cameras {cameras.yaml} -o {identified.yaml}")?;
+    chain.step(
+        "raven-identify",
+        identify,
+        &format!("{{sinusoid-tracked.mcap}} --robot {{robot.yaml}} --cameras {{cameras.yaml}} {PARAMETERS} -o {{identified.yaml}}"),
+    )?;
     chain.step("raven-identify", identify, "export {identified.yaml} --format defines -o {defines_calibrated.h}")?;
     chain.step("raven-identify", identify, "export {identified.yaml} --format rosparam -o {calibrated.yaml}")?;
     let plots = "--json {replay.json} --plot {replay.svg}";
