@@ -8,10 +8,12 @@ pub mod args;
 pub mod batch;
 pub mod export;
 pub mod identified;
+pub mod misfit;
 pub mod motion;
 pub mod parameters;
 pub mod prediction;
 pub mod priors;
+pub mod problem;
 pub mod recording;
 pub mod report;
 pub mod session;
@@ -24,7 +26,7 @@ pub use args::Args;
 use args::Command;
 use identified::Finding;
 use parameters::Selection;
-use prediction::Problem;
+use problem::Problem;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
@@ -56,14 +58,16 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
         spinner.finish_and_clear();
         recordings?
     };
-    let problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
+    let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let spinner = cli::spinner("estimating");
-    let estimate = batch::estimate(&problem, &may_hold);
+    let estimate = problem.estimate(&may_hold);
     spinner.finish_and_clear();
     let estimate = estimate?;
     let findings = Finding::all(&unknowns, &estimate);
-    let report = Report::new(&robot, &findings, &estimate, recordings.duration_s, start.elapsed().as_secs_f64());
+    let squares = problem.normalized_squares(&estimate.z)?;
+    let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
+    let report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
 
     if let Some(path) = &args.output {
         identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;

@@ -10,17 +10,11 @@
 //! motions of 0.8 rad/s. The prediction is then moved as the registration is off, `p_seen = R' (p - p_hs - translation) + p_hs`, so
 //! that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
 
-use nalgebra::{DVector, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use raven::Result;
 use raven::robot::{LinkModel, Observation, Robot, STICTION_SPEED};
 
-use crate::batch::Residuals;
 use crate::motion::Motion;
-use crate::priors::Unknown;
-use crate::session::Session;
-
-/// Length of the blocks over which residuals may be alike [s]: hysteresis and the cameras' flaws outlast single images.
-const BLOCK_S: f64 = 2.0;
 
 /// Predicts sightings from motors.
 #[derive(Debug, Clone)]
@@ -64,73 +58,10 @@ impl Predictor {
         let tip = self.model.arm().kinematics.forward(&self.joints(motion, time_s - self.latency_s));
         self.seen_from_true * (tip - self.tip_at_hard_stop_m - self.translation_m) + self.tip_at_hard_stop_m
     }
-}
 
-/// The unknowns of a robot against one or more recordings.
-#[derive(Debug, Clone)]
-pub struct Problem<'a> {
-    /// The robot file, with the motor angle that its controller set at the hard stop written down.
-    anchored: Robot,
-    unknowns: &'a [Unknown],
-    sessions: &'a [Session],
-}
-
-impl<'a> Problem<'a> {
-    /// The problem of estimating `unknowns` of `robot` from `sessions`.
-    ///
-    /// # Errors
-    /// If the robot is no arm.
-    pub fn new(robot: &Robot, unknowns: &'a [Unknown], sessions: &'a [Session]) -> Result<Self> {
-        let mut anchored = robot.clone();
-        let at_hard_stop = robot.arm()?.transmission.motor_at_hard_stop;
-        for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
-            joint.motor_at_hard_stop = Some(motor);
-        }
-        Ok(Self { anchored, unknowns, sessions })
-    }
-
-    /// The robot at `z` prior deviations from its file.
-    ///
-    /// The logs were recorded with the encoders set by the controller's own numbers, so the motor angle at the hard stop stays.
+    /// How that moves with the joints, 3x3 [m/rad, m/rad, 1].
     #[must_use]
-    pub fn robot(&self, z: &DVector<f64>) -> Robot {
-        let mut robot = self.anchored.clone();
-        for (unknown, &z) in self.unknowns.iter().zip(z.iter()) {
-            if let Some(value) = robot.value_mut(&unknown.key) {
-                *value = unknown.value(z);
-            }
-        }
-        robot
-    }
-}
-
-impl Residuals for Problem<'_> {
-    fn unknowns(&self) -> usize {
-        self.unknowns.len()
-    }
-
-    fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
-        let predictor = Predictor::new(&self.robot(z))?;
-        let of = |session: &Session| -> Vec<Vector3<f64>> {
-            let residual = |s: &crate::session::Sighting| s.whiten * (predictor.seen_m(&session.motion, s.time_s) - s.position_m);
-            session.sightings.iter().map(residual).collect()
-        };
-        Ok(self.sessions.iter().flat_map(of).collect())
-    }
-
-    fn blocks(&self) -> Vec<usize> {
-        let mut blocks = Vec::new();
-        let (mut block, mut last) = (0, None);
-        for (s, session) in self.sessions.iter().enumerate() {
-            for sighting in &session.sightings {
-                let place = (s, (sighting.time_s / BLOCK_S).floor());
-                if last.is_some_and(|last| last != place) {
-                    block += 1;
-                }
-                last = Some(place);
-                blocks.push(block);
-            }
-        }
-        blocks
+    pub fn seen_from_joints(&self, motion: &Motion, time_s: f64) -> Matrix3<f64> {
+        self.seen_from_true * self.model.arm().kinematics.jacobian(&self.joints(motion, time_s - self.latency_s))
     }
 }

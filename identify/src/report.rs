@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use nalgebra::Vector3;
-use raven::robot::Robot;
+use raven::robot::{JointType, Robot};
 use raven::stats::chi_square_quantile;
 use serde::Serialize;
 
@@ -29,6 +29,8 @@ pub struct Report {
     pub sightings: usize,
     /// Of these, the ones so far off that they count as false.
     pub outliers: usize,
+    /// What the model leaves unexplained, one standard deviation per joint.
+    pub unexplained: Vec<Unexplained>,
     /// By how much residuals within two seconds are alike: the information counts for so much less.
     pub overdispersion: f64,
     /// Length of the logs [s].
@@ -37,6 +39,19 @@ pub struct Report {
     pub seconds: f64,
     /// Log seconds per second spent.
     pub realtime_factor: f64,
+}
+
+/// What the model leaves unexplained at one joint.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// Joint.
+    pub joint: String,
+    /// Standard deviation.
+    pub std: f64,
+    /// Unit of it: rad or m.
+    pub unit: &'static str,
+    #[serde(skip)]
+    shown: (&'static str, f64),
 }
 
 /// One parameter, in the SI units of the robot file.
@@ -67,9 +82,17 @@ pub struct Line {
 }
 
 impl Report {
-    /// Of findings about `robot`, after `seconds` of work on `log_seconds`.
+    /// Of findings about `robot` on `log_seconds` of logs after `seconds` of work. `squares` are the sightings' squared residuals,
+    /// normalised by their covariance; `misfit` is what each joint does beside the model [rad, rad, m].
     #[must_use]
-    pub fn new(robot: &Robot, findings: &[Finding], estimate: &Estimate, log_seconds: f64, seconds: f64) -> Self {
+    pub fn new(
+        robot: &Robot,
+        findings: &[Finding],
+        estimate: &Estimate,
+        squares: &[f64],
+        misfit: Vector3<f64>,
+        [log_seconds, seconds]: [f64; 2],
+    ) -> Self {
         let line = |finding: &Finding| Line {
             name: finding.unknown.quantity.name(),
             joint: finding.unknown.quantity.joint(robot),
@@ -84,13 +107,18 @@ impl Report {
             along: !finding.unknown.named,
         };
         let limit = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY) * estimate.scale.powi(2);
-        let squares: Vec<f64> = estimate.residuals.iter().map(Vector3::norm_squared).collect();
-        let good: Vec<f64> = squares.iter().copied().filter(|&s| s <= limit).collect();
+        let kept = |(square, residual): (&f64, &Vector3<f64>)| (residual.norm_squared() <= limit).then_some(*square);
+        let good: Vec<f64> = squares.iter().zip(&estimate.residuals).filter_map(kept).collect();
+        let unexplained = robot.joints.iter().zip(misfit.iter()).map(|(joint, &std)| {
+            let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
+            Unexplained { joint: joint.name.clone(), std, unit, shown: joint.display_unit() }
+        });
         Self {
             parameters: findings.iter().map(line).collect(),
             nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
             sightings: squares.len(),
             outliers: squares.len() - good.len(),
+            unexplained: unexplained.collect(),
             overdispersion: estimate.tempering,
             log_seconds,
             seconds,
@@ -123,6 +151,8 @@ impl Report {
                 if line.identified { "yes" } else { "no" },
             );
         }
+        let part = |u: &Unexplained| format!("{} {:.2} {}", u.joint, u.std * u.shown.1, u.shown.0);
+        let _ = writeln!(text, "left unexplained: {}", self.unexplained.iter().map(part).collect::<Vec<_>>().join(", "));
         let _ = writeln!(
             text,
             "{} sightings in {:.1} s, {} of them false; mean NIS {:.2} (3 is noise alone); {:.2} s, {:.0} times real time",

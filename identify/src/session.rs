@@ -11,19 +11,25 @@ pub struct Sighting {
     pub time_s: f64,
     /// Where it was seen, frame 0 [m].
     pub position_m: Vector3<f64>,
-    /// Makes a position error one of unit covariance [1/m].
-    pub whiten: Matrix3<f64>,
+    /// Covariance of the position [m^2].
+    pub covariance_m2: Matrix3<f64>,
 }
 
 impl Sighting {
     /// With the covariance [m^2] of the position; `None` if that is no covariance or anything is not finite.
     #[must_use]
     pub fn new(time_s: f64, position_m: Vector3<f64>, covariance_m2: &Matrix3<f64>) -> Option<Self> {
-        let symmetric = 0.5 * (covariance_m2 + covariance_m2.transpose());
-        let whiten = symmetric.cholesky()?.l().try_inverse()?;
-        let finite = time_s.is_finite() && position_m.iter().chain(whiten.iter()).all(|v| v.is_finite());
-        finite.then_some(Self { time_s, position_m, whiten })
+        let covariance_m2 = 0.5 * (covariance_m2 + covariance_m2.transpose());
+        let finite = time_s.is_finite() && position_m.iter().all(|v| v.is_finite());
+        (finite && whitening(&covariance_m2).is_some()).then_some(Self { time_s, position_m, covariance_m2 })
     }
+}
+
+/// What makes an error of this covariance one of unit covariance; `None` if it is no covariance.
+#[must_use]
+pub fn whitening(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let whiten = covariance.cholesky()?.l().try_inverse()?;
+    whiten.iter().all(|v| v.is_finite()).then_some(whiten)
 }
 
 /// One recording.
@@ -47,8 +53,8 @@ mod tests {
     #[test]
     fn whitening_gives_unit_covariance() {
         let covariance = Matrix3::new(4e-6, 1e-6, 0.0, 1e-6, 2e-6, 0.0, 0.0, 0.0, 1e-8);
-        let sighting = Sighting::new(0.0, Vector3::zeros(), &covariance).unwrap();
-        assert_relative_eq!(sighting.whiten * covariance * sighting.whiten.transpose(), Matrix3::identity(), epsilon = 1e-12);
+        let whiten = whitening(&covariance).unwrap();
+        assert_relative_eq!(whiten * covariance * whiten.transpose(), Matrix3::identity(), epsilon = 1e-12);
     }
 
     #[test]
