@@ -1,8 +1,9 @@
 //! Identifies kinematic and cable parameters from recordings, and exports them for the controller.
 //!
 //! A recording has the motors' angles and the tip as the cameras saw it; between them lie cables, pulleys, hard stops, clocks and a
-//! registration. [`batch`] finds the most probable numbers for these and how well each is known; [`identified`] writes those that the
-//! recording determined into the robot file.
+//! registration. [`parameters`] names these numbers, [`priors`] says what is known of them beforehand, [`problem`] compares
+//! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
+//! that the recording determined into the robot file. [`export`] hands them to the controller.
 
 pub mod args;
 pub mod batch;

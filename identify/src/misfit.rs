@@ -15,10 +15,8 @@ use raven::stats::{chi_square_quantile, median};
 /// Steps of the iteration, of which a misfit of none takes many, and the relative change of a variance at which it ends.
 const STEPS_MAX: usize = 200;
 const SETTLED: f64 = 1e-3;
-/// Chance that a good residual is left out as a false one.
-const FALSE_CHANCE: f64 = 1e-6;
-/// Median of a chi-square with three degrees of freedom.
-const CHI_SQUARE_MEDIAN: f64 = 2.365_97;
+/// Chance that a good residual is taken for a false one.
+pub const FALSE_CHANCE: f64 = 1e-6;
 
 /// An error of the seen tip and what it may come from.
 #[derive(Debug, Clone, Copy)]
@@ -43,11 +41,12 @@ impl Residual {
 #[must_use]
 pub fn misfit(residuals: &[Residual], start: &Vector3<f64>) -> Vector3<f64> {
     let mut variance = start.component_mul(start);
-    let gate = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY);
+    let quantile = |p: f64| chi_square_quantile(3, p).unwrap_or(f64::INFINITY);
+    let (gate, middle) = (quantile(1.0 - FALSE_CHANCE), quantile(0.5));
     for _ in 0..STEPS_MAX {
         let informed: Vec<(&Residual, Matrix3<f64>)> = residuals.iter().filter_map(|r| Some((r, r.information(&variance)?))).collect();
         let squares: Vec<f64> = informed.iter().map(|(r, information)| r.error.dot(&(information * r.error))).collect();
-        let limit = gate * (median(&squares).unwrap_or(0.0) / CHI_SQUARE_MEDIAN).max(1.0);
+        let limit = gate * (median(&squares).unwrap_or(0.0) / middle).max(1.0);
         let (mut seen, mut expected) = (Vector3::zeros(), Vector3::zeros());
         for ((residual, information), _) in informed.iter().zip(&squares).filter(|(_, square)| **square <= limit) {
             let weighed = information * residual.from_joints;

@@ -9,10 +9,9 @@ use serde::Serialize;
 
 use crate::batch::Estimate;
 use crate::identified::Finding;
+use crate::misfit::FALSE_CHANCE;
 use crate::parameters::Quantity;
 
-/// Chance that a good sighting is taken for a false one.
-const FALSE_CHANCE: f64 = 1e-6;
 /// Mean normalised square above which the model lacks something: twice what noise alone gives.
 const NIS_HIGH: f64 = 6.0;
 /// Prior deviations beyond which an estimate contradicts what was known.
