@@ -1,21 +1,22 @@
 //! Identifies kinematic and cable parameters from recordings, and exports them for the controller.
 //!
 //! A recording has the motors' angles and the tip as the cameras saw it; between them lie cables, pulleys, hard stops, clocks and a
-//! registration. [`batch`] finds the most probable numbers for these and how well each is known; [`identified`] writes those that the
-//! recording determined into the robot file.
+//! registration. [`parameters`] names these numbers, [`priors`] says what is known of them beforehand, [`problem`] compares
+//! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
+//! that the recording determined into the robot file. [`export`] hands them to the controller.
 
 pub mod args;
 pub mod batch;
-pub mod estimation;
 pub mod export;
 pub mod identified;
+pub mod misfit;
 pub mod motion;
 pub mod parameters;
 pub mod prediction;
 pub mod priors;
+pub mod problem;
 pub mod recording;
 pub mod report;
-pub mod scatter;
 pub mod session;
 
 use std::io::Write;
@@ -26,7 +27,7 @@ pub use args::Args;
 use args::Command;
 use identified::Finding;
 use parameters::Selection;
-use prediction::Problem;
+use problem::Problem;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
@@ -61,11 +62,13 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let spinner = cli::spinner("estimating");
-    let outcome = estimation::estimate(&mut problem, &may_hold);
+    let estimate = problem.estimate(&may_hold);
     spinner.finish_and_clear();
-    let outcome = outcome?;
-    let findings = Finding::all(&unknowns, &outcome.estimate);
-    let report = Report::new(&robot, &findings, &outcome, recordings.duration_s, start.elapsed().as_secs_f64());
+    let estimate = estimate?;
+    let findings = Finding::all(&unknowns, &estimate);
+    let squares = problem.normalized_squares(&estimate.z)?;
+    let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
+    let report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
 
     if let Some(path) = &args.output {
         identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;

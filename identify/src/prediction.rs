@@ -10,18 +10,11 @@
 //! motions of 0.8 rad/s. The prediction is then moved as the registration is off, `p_seen = R' (p - p_hs - translation) + p_hs`, so
 //! that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
 
-use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use raven::Result;
 use raven::robot::{LinkModel, Observation, Robot, STICTION_SPEED};
 
-use crate::batch::Residuals;
 use crate::motion::Motion;
-use crate::priors::Unknown;
-use crate::scatter::Sample;
-use crate::session::{Session, Sighting, whitening};
-
-/// Length of the blocks over which residuals may be alike [s]: hysteresis and the cameras' flaws outlast single images.
-const BLOCK_S: f64 = 2.0;
 
 /// Predicts sightings from motors.
 #[derive(Debug, Clone)]
@@ -62,109 +55,13 @@ impl Predictor {
     /// Where the tip with stamp `time_s` should have been seen [m].
     #[must_use]
     pub fn seen_m(&self, motion: &Motion, time_s: f64) -> Vector3<f64> {
-        self.seen_of(&self.joints(motion, time_s - self.latency_s))
-    }
-
-    /// How that place changes with the joints there [m/rad, m/rad, 1].
-    #[must_use]
-    pub fn slope(&self, motion: &Motion, time_s: f64) -> Matrix3<f64> {
-        self.seen_from_true * self.model.arm().kinematics.jacobian(&self.joints(motion, time_s - self.latency_s))
-    }
-
-    fn seen_of(&self, joints: &Vector3<f64>) -> Vector3<f64> {
-        let tip = self.model.arm().kinematics.forward(joints);
+        let tip = self.model.arm().kinematics.forward(&self.joints(motion, time_s - self.latency_s));
         self.seen_from_true * (tip - self.tip_at_hard_stop_m - self.translation_m) + self.tip_at_hard_stop_m
     }
-}
 
-/// The unknowns of a robot against one or more recordings.
-#[derive(Debug, Clone)]
-pub struct Problem<'a> {
-    /// The robot file, with the motor angle that its controller set at the hard stop written down.
-    anchored: Robot,
-    unknowns: &'a [Unknown],
-    sessions: &'a [Session],
-    /// Per sighting of all sessions.
-    whiten: Vec<Matrix3<f64>>,
-}
-
-impl<'a> Problem<'a> {
-    /// The problem of estimating `unknowns` of `robot` from `sessions`.
-    ///
-    /// # Errors
-    /// If the robot is no arm.
-    pub fn new(robot: &Robot, unknowns: &'a [Unknown], sessions: &'a [Session]) -> Result<Self> {
-        let mut anchored = robot.clone();
-        let at_hard_stop = robot.arm()?.transmission.motor_at_hard_stop;
-        for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
-            joint.motor_at_hard_stop = Some(motor);
-        }
-        let whiten =
-            sessions.iter().flat_map(|s| &s.sightings).map(|s| whitening(&s.covariance_m2).unwrap_or_else(Matrix3::zeros)).collect();
-        Ok(Self { anchored, unknowns, sessions, whiten })
-    }
-
-    /// Residuals at `z` with what it takes to tell the joints' errors from the sightings' noise.
-    ///
-    /// # Errors
-    /// As the prediction.
-    pub fn samples(&self, z: &DVector<f64>) -> Result<Vec<Sample>> {
-        let predictor = Predictor::new(&self.robot(z))?;
-        let sightings = self.sessions.iter().flat_map(|session| session.sightings.iter().map(move |s| (&session.motion, s)));
-        let sample = |(motion, s): (&Motion, &Sighting)| Sample {
-            residual_m: predictor.seen_m(motion, s.time_s) - s.position_m,
-            slope: predictor.slope(motion, s.time_s),
-            covariance_m2: s.covariance_m2,
-        };
-        Ok(sightings.map(sample).collect())
-    }
-
-    /// Weighs sightings with an unexplained error at the joints beside their noise.
-    pub fn weigh(&mut self, samples: &[Sample], scatter: &Vector3<f64>) {
-        self.whiten = samples.iter().map(|s| whitening(&s.spread_m2(scatter)).unwrap_or_else(Matrix3::zeros)).collect();
-    }
-
-    /// The robot at `z` prior deviations from its file.
-    ///
-    /// The logs were recorded with the encoders set by the controller's own numbers, so the motor angle at the hard stop stays.
+    /// How that moves with the joints, 3x3 [m/rad, m/rad, 1].
     #[must_use]
-    pub fn robot(&self, z: &DVector<f64>) -> Robot {
-        let mut robot = self.anchored.clone();
-        for (unknown, &z) in self.unknowns.iter().zip(z.iter()) {
-            if let Some(value) = robot.value_mut(&unknown.key) {
-                *value = unknown.value(z);
-            }
-        }
-        robot
-    }
-}
-
-impl Residuals for Problem<'_> {
-    fn unknowns(&self) -> usize {
-        self.unknowns.len()
-    }
-
-    fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
-        let predictor = Predictor::new(&self.robot(z))?;
-        let sightings = self.sessions.iter().flat_map(|session| session.sightings.iter().map(move |s| (&session.motion, s)));
-        let residuals =
-            sightings.zip(&self.whiten).map(|((motion, s), whiten)| whiten * (predictor.seen_m(motion, s.time_s) - s.position_m));
-        Ok(residuals.collect())
-    }
-
-    fn blocks(&self) -> Vec<usize> {
-        let mut blocks = Vec::new();
-        let (mut block, mut last) = (0, None);
-        for (s, session) in self.sessions.iter().enumerate() {
-            for sighting in &session.sightings {
-                let place = (s, (sighting.time_s / BLOCK_S).floor());
-                if last.is_some_and(|last| last != place) {
-                    block += 1;
-                }
-                last = Some(place);
-                blocks.push(block);
-            }
-        }
-        blocks
+    pub fn seen_from_joints(&self, motion: &Motion, time_s: f64) -> Matrix3<f64> {
+        self.seen_from_true * self.model.arm().kinematics.jacobian(&self.joints(motion, time_s - self.latency_s))
     }
 }

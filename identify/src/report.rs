@@ -2,19 +2,18 @@
 
 use std::fmt::Write as _;
 
-use raven::robot::{Joint, Robot};
+use nalgebra::Vector3;
+use raven::robot::{JointType, Robot};
 use raven::stats::chi_square_quantile;
 use serde::Serialize;
 
-use crate::estimation::Outcome;
+use crate::batch::Estimate;
 use crate::identified::Finding;
+use crate::misfit::FALSE_CHANCE;
 use crate::parameters::Quantity;
-use crate::session::whitening;
 
-/// Chance that a good sighting is taken for a false one.
-const FALSE_CHANCE: f64 = 1e-6;
-/// An unexplained error of a joint is worth a word beyond this many tolerances of its hard stop.
-const UNEXPLAINED_HIGH: f64 = 2.0;
+/// Mean normalised square above which the model lacks something: twice what noise alone gives.
+const NIS_HIGH: f64 = 6.0;
 /// Prior deviations beyond which an estimate contradicts what was known.
 const CONTRADICTION: f64 = 3.0;
 
@@ -25,12 +24,12 @@ pub struct Report {
     pub parameters: Vec<Line>,
     /// Mean of the sightings' squared residuals, normalised by their covariance; 3 if the model explains all but the noise.
     pub nis_mean: f64,
-    /// What the model leaves unexplained at each joint.
-    pub unexplained: Vec<Unexplained>,
     /// Sightings used.
     pub sightings: usize,
     /// Of these, the ones so far off that they count as false.
     pub outliers: usize,
+    /// What the model leaves unexplained, one standard deviation per joint.
+    pub unexplained: Vec<Unexplained>,
     /// By how much residuals within two seconds are alike: the information counts for so much less.
     pub overdispersion: f64,
     /// Length of the logs [s].
@@ -41,17 +40,17 @@ pub struct Report {
     pub realtime_factor: f64,
 }
 
-/// A joint's unexplained error.
+/// What the model leaves unexplained at one joint.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Unexplained {
     /// Joint.
     pub joint: String,
-    /// `deg` or `mm`.
-    pub unit: &'static str,
     /// Standard deviation.
     pub std: f64,
+    /// Unit of it: rad or m.
+    pub unit: &'static str,
     #[serde(skip)]
-    tolerances: f64,
+    shown: (&'static str, f64),
 }
 
 /// One parameter, in the SI units of the robot file.
@@ -82,9 +81,17 @@ pub struct Line {
 }
 
 impl Report {
-    /// Of findings about `robot`, after `seconds` of work on `log_seconds`.
+    /// Of findings about `robot` on `log_seconds` of logs after `seconds` of work. `squares` are the sightings' squared residuals,
+    /// normalised by their covariance; `misfit` is what each joint does beside the model [rad, rad, m].
     #[must_use]
-    pub fn new(robot: &Robot, findings: &[Finding], outcome: &Outcome, log_seconds: f64, seconds: f64) -> Self {
+    pub fn new(
+        robot: &Robot,
+        findings: &[Finding],
+        estimate: &Estimate,
+        squares: &[f64],
+        misfit: Vector3<f64>,
+        [log_seconds, seconds]: [f64; 2],
+    ) -> Self {
         let line = |finding: &Finding| Line {
             name: finding.unknown.quantity.name(),
             joint: finding.unknown.quantity.joint(robot),
@@ -98,22 +105,19 @@ impl Report {
             quantity: finding.unknown.quantity,
             along: !finding.unknown.named,
         };
-        let Outcome { estimate, scatter, samples } = outcome;
         let limit = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY) * estimate.scale.powi(2);
-        let is_good: Vec<bool> = estimate.residuals.iter().map(|r| r.norm_squared() <= limit).collect();
-        let good = samples.iter().zip(&is_good).filter(|(_, good)| **good);
-        let squares: Vec<f64> = good.filter_map(|(s, _)| Some((whitening(&s.covariance_m2)? * s.residual_m).norm_squared())).collect();
-        let unexplained = |(joint, &std): (&Joint, &f64)| {
-            let (unit, factor) = joint.display_unit();
-            let tolerances = std / robot.tolerances.hard_stop_of(joint.kind);
-            Unexplained { joint: joint.name.clone(), unit, std: std * factor, tolerances }
-        };
+        let kept = |(square, residual): (&f64, &Vector3<f64>)| (residual.norm_squared() <= limit).then_some(*square);
+        let good: Vec<f64> = squares.iter().zip(&estimate.residuals).filter_map(kept).collect();
+        let unexplained = robot.joints.iter().zip(misfit.iter()).map(|(joint, &std)| {
+            let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
+            Unexplained { joint: joint.name.clone(), std, unit, shown: joint.display_unit() }
+        });
         Self {
             parameters: findings.iter().map(line).collect(),
-            nis_mean: squares.iter().sum::<f64>() / squares.len().max(1) as f64,
-            unexplained: robot.joints.iter().zip(scatter.iter()).map(unexplained).collect(),
-            sightings: is_good.len(),
-            outliers: is_good.iter().filter(|good| !**good).count(),
+            nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
+            sightings: squares.len(),
+            outliers: squares.len() - good.len(),
+            unexplained: unexplained.collect(),
             overdispersion: estimate.tempering,
             log_seconds,
             seconds,
@@ -146,13 +150,13 @@ impl Report {
                 if line.identified { "yes" } else { "no" },
             );
         }
+        let part = |u: &Unexplained| format!("{} {:.2} {}", u.joint, u.std * u.shown.1, u.shown.0);
+        let _ = writeln!(text, "left unexplained: {}", self.unexplained.iter().map(part).collect::<Vec<_>>().join(", "));
         let _ = writeln!(
             text,
             "{} sightings in {:.1} s, {} of them false; mean NIS {:.2} (3 is noise alone); {:.2} s, {:.0} times real time",
             self.sightings, self.log_seconds, self.outliers, self.nis_mean, self.seconds, self.realtime_factor
         );
-        let left: Vec<String> = self.unexplained.iter().map(|u| format!("{} {:.3} {}", u.joint, u.std, u.unit)).collect();
-        let _ = writeln!(text, "left unexplained (one sigma): {}", left.join(", "));
         text
     }
 
@@ -170,10 +174,10 @@ impl Report {
                 ));
             }
         }
-        for joint in self.unexplained.iter().filter(|u| u.tolerances > UNEXPLAINED_HIGH) {
+        if self.nis_mean > NIS_HIGH {
             warnings.push(format!(
-                "{:.2} {} of the {} (one sigma) are not explained by the model with these parameters; `raven-diagnose` says where they sit.",
-                joint.std, joint.unit, joint.joint
+                "the residuals are {:.1} times what the tip's covariance says: the model lacks something that `raven-diagnose` may name.",
+                (self.nis_mean / 3.0).sqrt()
             ));
         }
         warnings

@@ -11,7 +11,7 @@ pub struct Sighting {
     pub time_s: f64,
     /// Where it was seen, frame 0 [m].
     pub position_m: Vector3<f64>,
-    /// Its noise [m^2].
+    /// Covariance of the position [m^2].
     pub covariance_m2: Matrix3<f64>,
 }
 
@@ -20,16 +20,16 @@ impl Sighting {
     #[must_use]
     pub fn new(time_s: f64, position_m: Vector3<f64>, covariance_m2: &Matrix3<f64>) -> Option<Self> {
         let covariance_m2 = 0.5 * (covariance_m2 + covariance_m2.transpose());
-        whitening(&covariance_m2)?;
         let finite = time_s.is_finite() && position_m.iter().all(|v| v.is_finite());
-        finite.then_some(Self { time_s, position_m, covariance_m2 })
+        (finite && whitening(&covariance_m2).is_some()).then_some(Self { time_s, position_m, covariance_m2 })
     }
 }
 
-/// The matrix that gives a vector of this covariance unit covariance; `None` if it is no covariance.
+/// What makes an error of this covariance one of unit covariance; `None` if it is no covariance.
 #[must_use]
 pub fn whitening(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-    covariance.cholesky()?.l().try_inverse().filter(|whiten| whiten.iter().all(|v| v.is_finite()))
+    let whiten = covariance.cholesky()?.l().try_inverse()?;
+    whiten.iter().all(|v| v.is_finite()).then_some(whiten)
 }
 
 /// One recording.
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn whitening_gives_unit_covariance() {
         let covariance = Matrix3::new(4e-6, 1e-6, 0.0, 1e-6, 2e-6, 0.0, 0.0, 0.0, 1e-8);
-        let whiten = whitening(&Sighting::new(0.0, Vector3::zeros(), &covariance).unwrap().covariance_m2).unwrap();
+        let whiten = whitening(&covariance).unwrap();
         assert_relative_eq!(whiten * covariance * whiten.transpose(), Matrix3::identity(), epsilon = 1e-12);
     }
 

@@ -133,7 +133,7 @@ fn a_recording_becomes_a_table_a_result_and_a_robot_file() {
     assert!(result["realtime_factor"].as_f64().unwrap() > 0.0 && result["seconds"].as_f64().unwrap() > 0.0);
 
     let robot = Robot::read(&folder.path("new.yaml")).unwrap();
-    assert_eq!(robot.joints[0].link_pulley_radius, number("value"));
+    assert!((robot.joints[0].link_pulley_radius / number("value") - 1.0).abs() < 1e-14);
     assert!((robot.observation.latency - 0.04).abs() < 2e-3);
     let entry = &robot.calibration[0];
     assert_eq!(
@@ -154,8 +154,7 @@ fn gaps_cost_the_sightings_next_to_them() {
     Script { robot: |t| !(5.0..6.5).contains(&t), ..Script::good() }.write(&folder.path("log.mcap"));
     let (outcome, table) = folder.run(&["log.mcap", "--robot", "robot.yaml"]).unwrap();
     assert_eq!(outcome, Outcome::DataLost);
-    let counts = table.lines().find(|line| line.contains("sightings in")).unwrap();
-    let sightings: usize = counts.split(' ').next().unwrap().parse().unwrap();
+    let sightings: usize = table.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!((265..275).contains(&sightings), "300 less 1.7 s of 15 Hz and the ends: {table}");
     assert!(table.contains("-5.2"), "{table}");
 }

@@ -54,17 +54,26 @@ pub struct Estimate {
     pub tempering: f64,
 }
 
-/// Estimates; unknowns of which `may_hold` is false are kept free even if they are not identified.
+/// The most probable values if residuals are independent, from `start`.
+///
+/// # Errors
+/// As [`estimate`].
+pub fn most_probable(problem: &impl Residuals, start: &DVector<f64>) -> Result<DVector<f64>> {
+    let all: Vec<usize> = (0..problem.unknowns()).collect();
+    minimize(problem, &all, 1.0, start).map(|minimum| minimum.z)
+}
+
+/// Estimates, from `start`; unknowns of which `may_hold` is false are kept free even if they are not identified.
 ///
 /// # Errors
 /// If the model cannot be evaluated or the estimation does not settle.
-pub fn estimate(problem: &impl Residuals, may_hold: &[bool]) -> Result<Estimate> {
+pub fn estimate(problem: &impl Residuals, may_hold: &[bool], start: &DVector<f64>) -> Result<Estimate> {
     let n = problem.unknowns();
     let block = problem.blocks();
     let mut std = vec![1.0; n];
     let mut free: Vec<usize> = (0..n).collect();
     let mut held = Vec::new();
-    let mut z = DVector::zeros(n);
+    let mut z = start.clone();
     let mut tempering = 1.0;
     loop {
         let (minimum, curvature) = tempered(problem, &free, &block, &mut tempering, &z)?;

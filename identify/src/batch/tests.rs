@@ -53,7 +53,7 @@ fn coverage(samples: u64, blocks: usize, may_hold: &[bool], noise: impl Fn(&mut 
         let truth: Vec<f64> = (0..n).map(|_| StandardNormal.sample(&mut random)).collect();
         let mut line = Line::exact(&truth, blocks * PER_BLOCK);
         noise(&mut random, &mut line.observed);
-        let estimate = estimate(&line, may_hold).unwrap();
+        let estimate = estimate(&line, may_hold, &DVector::zeros(n)).unwrap();
         for k in 0..n {
             let off = (estimate.z[k] - truth[k]).abs() / estimate.std[k];
             inside[k][0] += f64::from(u8::from(off < 1.0)) / samples as f64;
@@ -114,10 +114,10 @@ fn what_the_data_do_not_determine_goes_back_to_its_prior() {
     let mut line = Line::exact(&[1.0, -1.0, 2.0], 40 * PER_BLOCK);
     white(&mut random, &mut line.observed);
     line.slopes.iter_mut().for_each(|m| m.column_mut(2).scale_mut(1e-3));
-    let held = estimate(&line, &[true; 3]).unwrap();
+    let held = estimate(&line, &[true; 3], &DVector::zeros(3)).unwrap();
     assert_eq!((held.z[2], held.identified.as_slice()), (0.0, [true, true, false].as_slice()));
     assert!(held.std[2] > IDENTIFIED_BELOW);
-    let kept = estimate(&line, &[true, true, false]).unwrap();
+    let kept = estimate(&line, &[true, true, false], &DVector::zeros(3)).unwrap();
     assert!(kept.z[2] != 0.0 && !kept.identified[2]);
 }
 
@@ -130,7 +130,7 @@ fn a_held_unknown_still_counts_in_the_others_deviation() {
         slopes.set_column(1, &(first * 0.2));
     }
     white(&mut ChaCha8Rng::seed_from_u64(4), &mut line.observed);
-    let estimate = estimate(&line, &[true, true]).unwrap();
+    let estimate = estimate(&line, &[true, true], &DVector::zeros(2)).unwrap();
     assert_eq!(estimate.identified, [true, false]);
     assert!((estimate.std[0] - 0.2).abs() < 0.02, "0.2 of a held unit deviation, not {}", estimate.std[0]);
 }

@@ -101,7 +101,12 @@ impl Calibration {
     #[must_use]
     pub fn left_out(&self, format: Format) -> Vec<String> {
         let mut sentences: Vec<String> = self.undetermined.iter().map(|what| format!("{what}; the number from before stays.")).collect();
-        let carried = |key: &str| key.ends_with(".link_pulley_radius") || key.ends_with(".hard_stop") || key.starts_with("cable_coupling.");
+        let carried = |key: &str| {
+            key.starts_with("observation.")
+                || key.ends_with(".link_pulley_radius")
+                || key.ends_with(".hard_stop")
+                || key.starts_with("cable_coupling.")
+        };
         if format != Format::Rosparam {
             let without: Vec<&str> = self.identified.iter().filter(|e| !carried(&e.key)).map(|e| e.parameter.as_str()).collect();
             if !without.is_empty() {
