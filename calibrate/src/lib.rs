@@ -16,8 +16,6 @@ pub mod pairing;
 pub mod pictures;
 pub mod register;
 pub mod saddle;
-#[cfg(test)]
-mod scene;
 pub mod start;
 pub mod stills;
 pub mod uncertainty;
@@ -57,3 +55,6 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         Command::Register(args) => register::run(&args, out),
     }
 }
+
+#[cfg(test)]
+mod tests;

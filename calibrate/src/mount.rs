@@ -72,7 +72,7 @@ mod tests {
             let names = ["x", "y", "z"];
             let side = |i: usize| format!("{}0={}{}", names[i], if signs[i] { "-" } else { "" }, names[axes[i]]);
             let text = format!("{},{} {}", side(2), side(0), side(1));
-            let matrix = Matrix3::from_fn(|r, c| if axes[r] == c { if signs[r] { -1.0 } else { 1.0 } } else { 0.0 });
+            let matrix = Matrix3::from_fn(|r, c| if axes[r] == c { if signs[r] { -1.0_f64 } else { 1.0 } } else { 0.0 });
             match text.parse::<Mount>() {
                 Ok(mount) => {
                     prop_assert!((matrix.determinant() - 1.0).abs() < 1e-12);

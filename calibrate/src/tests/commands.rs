@@ -1,0 +1,139 @@
+//! The commands: a calibration from files and from a log, and what they refuse.
+
+use std::path::Path;
+
+use clap::Parser;
+use image::GrayImage;
+use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use raven::Error;
+use raven::camera::{Cameras, Pinhole};
+use raven::log::{LogWriter, Side, Stamp};
+use rayon::prelude::*;
+
+use super::real::calibrate;
+use super::scene::Scene;
+use crate::board::{Board, BoardSize};
+use crate::{Args, run};
+
+const BOARD: Board = Board { size: BoardSize { columns: 7, rows: 5 }, square_m: 0.015 };
+
+fn cameras() -> [Pinhole; 2] {
+    let left = Pinhole { width: 320, height: 240, fx: 300.0, fy: 300.0, cx: 161.0, cy: 118.0, distortion: [-0.1, 0.02, 0.0, 0.0, 0.0] };
+    [left, Pinhole { fx: 304.0, fy: 304.0, cx: 158.0, ..left }]
+}
+
+/// Left and right pictures of six boards.
+fn pictures() -> Vec<[GrayImage; 2]> {
+    let right_from_left = Isometry3::new(Vector3::new(-0.04, 0.0, 0.0), Vector3::new(0.0, -0.02, 0.005));
+    let tilts = [(0.5, 0.0), (-0.5, 0.1), (0.0, 0.5), (0.1, -0.5), (0.4, 0.4), (-0.3, 0.5)];
+    let one = |(index, (x, y)): (usize, (f64, f64))| {
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(x, y, 0.1 * index as f64));
+        let centre = Vector3::new(0.01 * index as f64, 0.02 - 0.008 * index as f64, 0.24 + 0.01 * index as f64);
+        let pose = Isometry3::from_parts((centre - rotation * BOARD.middle()).into(), rotation);
+        let poses = [pose, right_from_left * pose];
+        [0, 1].map(|c| {
+            let scene = Scene { camera: cameras()[c], board: BOARD, camera_from_board: poses[c], blur_px: 0.6, noise: 2.0 };
+            scene.render(&mut ChaCha8Rng::seed_from_u64(2 * index as u64 + c as u64))
+        })
+    };
+    tilts.into_par_iter().enumerate().map(one).collect()
+}
+
+fn refused(args: &[&str]) -> Error {
+    run(Args::try_parse_from(["raven-calibrate"].iter().chain(args)).unwrap(), &mut Vec::new()).unwrap_err()
+}
+
+fn save(folder: &Path, name: &str, image: &GrayImage) {
+    image.save(folder.join(name)).unwrap();
+}
+
+#[test]
+fn files_and_a_log_of_the_same_pictures_give_the_same_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let mut log = LogWriter::create(&folder.path().join("board.mcap")).unwrap();
+    for (index, pair) in pictures().iter().enumerate() {
+        for (side, image) in Side::BOTH.into_iter().zip(pair) {
+            let name = format!("{}{index}.png", side.name());
+            save(folder.path(), &name, image);
+            let stamp = Stamp(1_700_000_000_000_000_000 + 1_000_000_000 * index as u64 + 2_000_000 * side as u64);
+            log.compressed_image(side, stamp, 0, &std::fs::read(folder.path().join(&name)).unwrap()).unwrap();
+        }
+    }
+    log.finish().unwrap();
+    let board = ["--board", "7x5", "--square", "0.015"];
+    let (left, right, output) = (at("left*.png"), at("right*.png"), at("cameras.yaml"));
+    let (text, from_files) = calibrate(&[&["cameras", "--left", &left, "--right", &right, "-o", &output][..], &board].concat()).unwrap();
+    let (_, from_log) = calibrate(&[&["cameras", &at("board.mcap")][..], &board].concat()).unwrap();
+    for key in ["/left/fx", "/right/cy", "/stereo/baseline_m", "/stereo/rms_px", "/left/boards_seen"] {
+        let [a, b] = [&from_files, &from_log].map(|json| json.pointer(key).and_then(serde_json::Value::as_f64).unwrap());
+        assert!((a - b).abs() <= 1e-12 * a, "{key}: {a} {b}");
+    }
+    assert!(text.contains("Boards used: 6 left, 6 right, 6 of them by both at once."), "{text}");
+    let read = Cameras::read(Path::new(&output)).unwrap();
+    assert!((read.left.fx - 300.0).abs() < 1.0 && (read.right.fx - 304.0).abs() < 1.0, "{} {}", read.left.fx, read.right.fx);
+    assert!((read.baseline_m() - 0.04).abs() < 5e-5, "{}", read.baseline_m());
+    assert!((read.quality.stereo_rms_px.unwrap() - from_files["stereo"]["rms_px"].as_f64().unwrap()).abs() < 1e-12);
+    assert!(read.quality.left_std.is_some() && read.quality.baseline_std_m.is_some());
+    for key in ["rms_px", "fx", "fy", "cx", "cy", "distortion", "std", "boards_used", "boards_seen"] {
+        assert!(from_files["left"].get(key).is_some() && from_files["right"].get(key).is_some(), "{key}");
+    }
+    assert!(from_files["stereo"]["rotation_deg"].is_number() && from_files["seconds"].is_number());
+}
+
+#[test]
+fn wrong_pictures_end_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let flat = GrayImage::from_pixel(64, 48, image::Luma([90]));
+    for name in ["l1.png", "l2.png", "r1.png", "r2.png"] {
+        save(folder.path(), name, &flat);
+    }
+    save(folder.path(), "big.png", &GrayImage::new(80, 60));
+    std::fs::write(folder.path().join("text.jpg"), "no picture").unwrap();
+    let cameras = |left: &[&str], right: &[&str]| {
+        let (left, right): (Vec<String>, Vec<String>) = (left.iter().map(|n| at(n)).collect(), right.iter().map(|n| at(n)).collect());
+        let mut args = vec!["cameras", "--board", "9x6", "--square", "0.012", "--left"];
+        args.extend(left.iter().map(String::as_str));
+        args.push("--right");
+        args.extend(right.iter().map(String::as_str));
+        refused(&args)
+    };
+    let none = cameras(&["l*.png"], &["r*.png"]);
+    assert!(matches!(&none, Error::Data(s) if s.contains("9 x 6 inner corners") && s.contains("2 left and 2 right")), "{none}");
+    let one = cameras(&["l1.png"], &["r*.png"]);
+    assert!(matches!(&one, Error::Argument(s) if s.contains("1 left and 2 right")), "{one}");
+    let sizes = cameras(&["l1.png", "big.png"], &["r*.png"]).to_string();
+    assert!(sizes.contains("80 x 60") && sizes.contains("64 x 48"), "{sizes}");
+    let text = cameras(&["text.jpg", "l1.png"], &["r*.png"]).to_string();
+    assert!(text.contains("text.jpg") && text.contains("no picture"), "{text}");
+    assert!(matches!(cameras(&["x*.png"], &["r*.png"]), Error::Argument(_)));
+    assert!(matches!(cameras(&["l3.png", "l1.png"], &["r*.png"]), Error::Io { .. }));
+}
+
+#[test]
+fn wrong_arguments_are_refused_by_name() {
+    let parse = |args: &[&str]| Args::try_parse_from(["raven-calibrate"].iter().chain(args)).unwrap_err().to_string();
+    let millimetres = parse(&["cameras", "board.mcap", "--board", "9x6", "--square", "12"]);
+    assert!(millimetres.contains("millimetres"), "{millimetres}");
+    assert!(parse(&["cameras", "board.mcap", "--board", "9", "--square", "0.012"]).contains("9x6"));
+    assert!(parse(&["cameras", "--board", "9x6", "--square", "0.012"]).contains("required"));
+    let register = ["register", "no.mcap", "--robot", "no.yaml", "--cameras", "no.yaml", "--rotation"];
+    let mirror = refused(&[&register[..], &["x0=y y0=z z0=-x"]].concat());
+    assert!(matches!(&mirror, Error::Argument(s) if s.contains("mirror")), "{mirror}");
+    assert!(matches!(refused(&[&register[..], &["estimate"]].concat()), Error::Argument(_)));
+    assert!(matches!(refused(&[&register[..], &["x0=-y y0=z z0=-x"]].concat()), Error::Io { .. }));
+}
+
+#[test]
+fn the_default_mount_is_the_one_in_the_help() {
+    let Args { command: crate::Command::Register(args) } =
+        Args::try_parse_from(["raven-calibrate", "register", "a.mcap", "--robot", "r.yaml", "--cameras", "c.yaml"]).unwrap()
+    else {
+        panic!("register")
+    };
+    let mount: crate::mount::Mount = args.rotation.parse().unwrap();
+    assert_eq!(*mount.base_from_left.matrix(), Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0));
+}
