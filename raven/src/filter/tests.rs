@@ -65,7 +65,7 @@ fn smoother_equals_weighted_least_squares_over_the_whole_record() {
     let (f, root, h) = two_masses();
     let (q, r, steps) = (root * root.transpose(), 0.04, 12);
     let start = Matrix4::from_diagonal(&Vector4::new(1.0, 0.5, 2.0, 0.1));
-    let observed = |k: usize| (k % 3 != 0).then(|| (k as f64 * 0.7).cos());
+    let observed = |k: usize| (!k.is_multiple_of(3)).then(|| (k as f64 * 0.7).cos());
     let mut filter = SquareRootUkf::<4, 1>::new(Vector4::new(0.5, -0.1, 0.2, 0.3), start.map(f64::sqrt));
     // All states at once: prior, transitions and observations as one information matrix.
     let size = 4 * (steps + 1);

@@ -251,11 +251,13 @@ impl Range {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
     use super::*;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    const LIMITS: Limits = [[0.0, 1.5707963], [0.7853982, 2.3561945], [0.23, 0.56]];
+    const LIMITS: Limits = [[0.0, FRAC_PI_2], [FRAC_PI_4, 3.0 * FRAC_PI_4], [0.23, 0.56]];
 
     #[test]
     fn every_motion_stays_within_the_limits_and_starts_at_rest() {

@@ -98,7 +98,7 @@ impl Plane {
             let place = (value / self.board.square_m).round().clamp(0.0, f64::from(count) - 1.0);
             let side = 2.0 * soft((value - place * self.board.square_m) / step) - 1.0;
             // Every line turns the sign.
-            if place as u32 % 2 == 0 { side } else { -side }
+            if (place as u32).is_multiple_of(2) { side } else { -side }
         };
         let [columns, rows] = self.board.corners;
         let dark = 0.5 * (1.0 + wave(x, step_x, columns) * wave(y, step_y, rows)) * within(1.0);
