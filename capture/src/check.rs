@@ -1,14 +1,19 @@
 //! `raven-capture check`: what is in a log, how regular it is, and what can be done with it.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use raven::cli::{self, Outcome};
-use raven::log::{Survey, recover};
+use raven::log::{Recovery, Survey, TopicSurvey, recover};
 use raven::{Error, Result};
+use serde::Serialize;
+
+use crate::steps::{Step, steps};
 
 /// Arguments of `raven-capture check`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  raven-capture check session.mcap\n  raven-capture check cut-off.mcap --recover -o session.mcap\n\n\
+                        Exit codes: 0 the log is whole, 1 failed, 2 wrong arguments, 3 the log is damaged.")]
 pub struct Args {
     /// The log.
     pub file: PathBuf,
@@ -23,18 +28,195 @@ pub struct Args {
     pub output: Option<PathBuf>,
 }
 
+/// The machine-readable result.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    survey: &'a Survey,
+    steps: &'a [Step],
+    recovery: Option<&'a Recovery>,
+}
+
 /// Checks a log.
 ///
 /// # Errors
 /// If the file cannot be read, is no MCAP file, or a result cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let survey = Survey::of(&args.file)?;
-    writeln!(out, "{survey:#?}").map_err(|e| Error::io(std::path::Path::new("-"), "write", e))?;
-    if let Some(output) = &args.output {
-        recover(&args.file, output)?;
+    let steps = steps(&survey);
+    let recovery = args.output.as_ref().map(|output| recover(&args.file, output)).transpose()?;
+    // With `--json -`, standard output is for the machine alone.
+    if args.json.as_deref() != Some(Path::new("-")) {
+        let mut text = render(&survey, &steps);
+        if let (Some(recovery), Some(output)) = (&recovery, &args.output) {
+            let of = recovery.expected_messages.map_or_else(String::new, |expected| format!(" of {expected}"));
+            let (messages, attachments) = (recovery.messages, recovery.attachments);
+            text += &format!("\n{messages}{of} messages and {attachments} attachments are saved in {}.\n", output.display());
+        }
+        out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     }
     if let Some(json) = &args.json {
-        cli::write_json(json, &survey)?;
+        cli::write_json(json, &Report { survey: &survey, steps: &steps, recovery: recovery.as_ref() })?;
+    }
+    if survey.damage.is_some() && recovery.is_none() {
+        cli::warn(&format!("{}: the log is damaged; `--recover -o OUT.mcap` saves what can be read.", args.file.display()));
     }
     Ok(if survey.damage.is_some() { Outcome::DataLost } else { Outcome::Done })
+}
+
+/// The report as people read it.
+fn render(survey: &Survey, steps: &[Step]) -> String {
+    let first = survey.topics.iter().filter_map(|topic| topic.quality.first).min();
+    let last = survey.topics.iter().filter_map(|topic| topic.quality.last).max();
+    let span = first.zip(last).map_or_else(String::new, |(first, last)| format!(", {:.3} s from {first}", last.seconds_since(first)));
+    let mut lines = vec![format!("{}: {:.1} MB, {} messages{span}", survey.path.display(), survey.bytes as f64 * 1e-6, survey.messages)];
+    lines.extend(survey.damage.iter().map(|damage| format!("DAMAGED: {}.", damage.fault)));
+    if !survey.session.is_empty() {
+        let pairs: Vec<String> = survey.session.iter().map(|(key, value)| format!("{key} {value}")).collect();
+        lines.push(format!("session: {}", pairs.join(", ")));
+    }
+    lines.extend(survey.attachments.iter().map(|file| format!("attachment: {} ({}, {} bytes)", file.name, file.media_type, file.bytes)));
+    lines.push(String::new());
+    lines.extend(table(&topic_rows(survey, first)));
+    lines.push(String::new());
+    let before_remarks = lines.len();
+    if let Some(skew) = survey.cameras {
+        let (signed, absolute) = (1e3 * skew.right_minus_left_s, 1e3 * skew.absolute_s);
+        lines.push(format!("cameras: right minus left {signed:.2} ms, {absolute:.2} ms without sign (medians over the nearest frames)"));
+    }
+    lines.extend(survey.tip.map(|tip| format!("tip: {} seen, {} occluded, {} jumped", tip.seen, tip.occluded, tip.jumped)));
+    if survey.torque_recorded == Some(false) {
+        lines.push("motors: torque was not recorded".to_owned());
+    }
+    lines.extend(survey.topics.iter().flat_map(remarks));
+    if lines.len() > before_remarks {
+        lines.push(String::new());
+    }
+    let answer = |step: &Step| if step.ready { "ready" } else { "no" }.to_owned();
+    lines.extend(table(&steps.iter().map(|step| vec![step.program.to_owned(), answer(step), step.note.clone()]).collect::<Vec<_>>()));
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+fn topic_rows(survey: &Survey, origin: Option<raven::log::Stamp>) -> Vec<Vec<String>> {
+    let titles =
+        ["topic", "messages", "rate/Hz", "median/ms", "longest/ms", "gaps", "repeated", "back", "first/s", "last/s", "encoding", "schema"];
+    let number =
+        |value: Option<f64>, scale: f64, digits: usize| value.map_or("-".to_owned(), |value| format!("{:.digits$}", scale * value));
+    let row = |topic: &TopicSurvey| {
+        let quality = &topic.quality;
+        let since = |stamp: Option<raven::log::Stamp>| number(stamp.zip(origin).map(|(s, origin)| s.seconds_since(origin)), 1.0, 3);
+        vec![
+            topic.topic.clone(),
+            quality.messages.to_string(),
+            number(topic.rate_hz, 1.0, 2),
+            number(quality.median_interval_s, 1e3, 3),
+            number(quality.longest_interval_s, 1e3, 3),
+            quality.gaps.to_string(),
+            quality.duplicates.to_string(),
+            quality.backward.to_string(),
+            since(quality.first),
+            since(quality.last),
+            topic.message_encoding.clone(),
+            topic.schema.clone(),
+        ]
+    };
+    std::iter::once(titles.map(String::from).to_vec()).chain(survey.topics.iter().map(row)).collect()
+}
+
+/// One sentence per irregularity that the table does not explain.
+fn remarks(topic: &TopicSurvey) -> Vec<String> {
+    let quality = &topic.quality;
+    let counts = [
+        (topic.truncated_frames as u64, "JPEG frames without an end marker: cut off by camera or cable"),
+        (topic.missing_frames, "frames that the camera counted are not in the log"),
+        (quality.without_stamp as u64, "messages without a stamp: the time of publication stands in"),
+        (quality.non_finite as u64, "messages with numbers that are not finite: left out"),
+        (quality.undecodable as u64, "messages that do not fit their definition: left out"),
+    ];
+    let remark = |(count, what): (u64, &str)| format!("{}: {count} {what}", topic.topic);
+    counts.into_iter().filter(|(count, _)| *count > 0).map(remark).collect()
+}
+
+/// Aligned columns, two spaces apart: the first and the last two to the left, numbers in between to the right.
+fn table(rows: &[Vec<String>]) -> Vec<String> {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
+            let left = column == 0 || column + 2 >= columns;
+            if left { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        });
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    rows.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use raven::log::{LogWriter, RavenState, Side, Stamp, topics};
+
+    use super::*;
+
+    /// Half a minute of robot and cameras at low rates; the right camera is 5 ms late and loses a frame.
+    fn session(path: &Path) {
+        let mut log = LogWriter::create(path).unwrap();
+        let at = |ms: u64| Stamp(1_700_000_000_000_000_000 + ms * 1_000_000);
+        for i in 0..300 {
+            log.robot_state(at(100 * i), &RavenState::default()).unwrap();
+            log.compressed_image(Side::Left, at(100 * i), i as u32, &[0xff, 0xd8, 0xff, 0xd9]).unwrap();
+            if i != 100 {
+                log.compressed_image(Side::Right, at(100 * i + 5), i as u32, &[0xff, 0xd8, 1]).unwrap();
+            }
+        }
+        log.joint_states(topics::JOINT_ENCODERS, at(0), &["shoulder"], &[0.0], None).unwrap();
+        log.finish().unwrap();
+    }
+
+    fn check(args: &Args) -> (Outcome, String) {
+        let mut out = Vec::new();
+        let outcome = run(args, &mut out).unwrap();
+        (outcome, String::from_utf8(out).unwrap())
+    }
+
+    fn row<'t>(text: &'t str, start: &str) -> Vec<&'t str> {
+        text.lines().find(|line| line.starts_with(start)).unwrap().split_whitespace().collect()
+    }
+
+    #[test]
+    fn a_session_is_described_and_its_next_step_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, json) = (folder.path().join("session.mcap"), folder.path().join("check.json"));
+        session(&file);
+        let (outcome, text) = check(&Args { file, json: Some(json.clone()), recover: false, output: None });
+        assert_eq!(outcome, Outcome::Done);
+        let right = row(&text, topics::RIGHT_COMPRESSED);
+        assert_eq!(right[1..8], ["299", "9.97", "100.000", "200.000", "1", "0", "0"], "{text}");
+        assert!(text.contains("right minus left 5.00 ms"), "{text}");
+        assert!(text.contains("299 JPEG frames without an end marker"), "{text}");
+        assert!(text.contains("1 frames that the camera counted"), "{text}");
+        assert_eq!(row(&text, "raven-track")[1], "ready");
+        assert_eq!(row(&text, "raven-identify")[1..], ["no", "needs", "/tip:", "run", "raven-track"]);
+
+        let json: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap();
+        assert_eq!(json["messages"], 900);
+        assert_eq!(json["topics"][1]["topic"], topics::RAVEN_STATE);
+        assert_eq!(json["topics"][1]["gaps"], 0);
+        assert_eq!(json["steps"][2]["ready"], true);
+    }
+
+    #[test]
+    fn a_cut_off_session_is_damaged_and_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, output) = (folder.path().join("cut.mcap"), folder.path().join("saved.mcap"));
+        session(&file);
+        let bytes = std::fs::read(&file).unwrap();
+        std::fs::write(&file, &bytes[..bytes.len() / 3]).unwrap();
+        let (outcome, text) = check(&Args { file, json: None, recover: true, output: Some(output.clone()) });
+        assert_eq!(outcome, Outcome::DataLost);
+        assert!(text.contains("DAMAGED: it breaks off") && text.contains("saved.mcap"), "{text}");
+        let (outcome, _) = check(&Args { file: output, json: None, recover: false, output: None });
+        assert_eq!(outcome, Outcome::Done);
+    }
 }

@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod simulate;
+pub mod steps;
 
 use std::io::Write;
 

@@ -1,1 +1,156 @@
-//! placeholder
+//! `raven-diagnose`: where the sim-to-real gap lies.
+//!
+//! The simulator is the robot model with the parameter file in hand; the gap is what a recording says against it.
+
+pub mod gap;
+pub mod phase;
+pub mod residual;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use raven::cli::{self, Outcome};
+use raven::log::Recording;
+use raven::robot::Robot;
+use raven::{Error, Result};
+use serde::Serialize;
+
+use crate::gap::{Gap, Place, places};
+use crate::residual::{Channels, Residuals, channels};
+
+/// Says how large the gap between a robot and its model is, and where it lies.
+///
+///   raven-diagnose tracked.mcap --robot robot.yaml --json report.json
+#[derive(Debug, Parser)]
+#[command(name = "raven-diagnose", version, verbatim_doc_comment)]
+pub struct Args {
+    /// Recordings with motor angles and tips (or, on a bench, joint encoders).
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// Robot file: the model that the recordings are held against.
+    #[arg(long)]
+    robot: PathBuf,
+    /// Cameras the tips were tracked with; checked for being readable.
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// Writes the report as JSON.
+    #[arg(long)]
+    json: Option<PathBuf>,
+}
+
+/// The report, `raven-diagnosis/1` without a verdict.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    format: &'static str,
+    #[serde(rename = "where")]
+    places: Vec<Place>,
+    gap: Vec<Gap>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    controller: Vec<ControllerDifference>,
+    recordings: Vec<String>,
+    unreachable: usize,
+}
+
+/// How far the controller's logged joint angles are from this file's transmission kinematics.
+#[derive(Debug, Serialize)]
+struct ControllerDifference {
+    joint: String,
+    unit: &'static str,
+    largest: f64,
+}
+
+/// Runs the program.
+///
+/// # Errors
+/// If a file cannot be read, or a recording has nothing to compare.
+pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    let robot = Robot::read(&args.robot)?;
+    if let Some(cameras) = &args.cameras {
+        raven::camera::Cameras::read(cameras)?;
+    }
+    let bar = cli::progress(args.logs.len() as u64, "reading recordings");
+    let mut recordings = Vec::new();
+    for path in &args.logs {
+        let recording = Recording::read(path, &(&robot).into())?;
+        recordings.push(channels(&recording, &robot)?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let report = Report::new(&robot, &args.logs, &recordings);
+    report.print(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
+    if let Some(json) = &args.json {
+        cli::write_json(json, &report)?;
+    }
+    Ok(Outcome::Done)
+}
+
+impl Report {
+    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels]) -> Self {
+        let mut report = Self {
+            format: "raven-diagnosis/1",
+            places: Vec::new(),
+            gap: Vec::new(),
+            controller: Vec::new(),
+            recordings: logs.iter().map(|path| path.display().to_string()).collect(),
+            unreachable: recordings.iter().map(|r| r.unreachable).sum(),
+        };
+        for (j, joint) in robot.joints.iter().enumerate() {
+            let (unit, scale) = joint.display_unit();
+            let of_joint: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
+            report.gap.extend(Gap::new(&joint.name, unit, scale, &together(&of_joint)));
+            report.places.extend(places(&joint.name, unit, scale, &of_joint));
+            let differences = recordings.iter().filter_map(|r| r.controller_difference.as_ref()?.get(j));
+            if let Some(largest) = differences.copied().reduce(f64::max) {
+                report.controller.push(ControllerDifference { joint: joint.name.clone(), unit, largest: largest * scale });
+            }
+        }
+        let tips: Vec<&Residuals> = recordings.iter().map(|r| &r.tip).collect();
+        report.gap.extend(Gap::new("tip", "mm", 1e3, &together(&tips)));
+        report
+    }
+
+    fn print(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        if self.gap.is_empty() {
+            writeln!(out, "No tip and no joint encoders in these recordings: the gap at the joints cannot be seen.")?;
+        } else {
+            writeln!(out, "Gap (rms): the recordings against transmission kinematics, and against the model with its cables and links")?;
+            writeln!(
+                out,
+                "{:<10} {:>4} {:>13} {:>8} {:>12} {:>13}",
+                "channel", "unit", "transmission", "model", "noise floor", "observations"
+            )?;
+        }
+        for gap in &self.gap {
+            let Gap { channel, unit, before, model, noise_floor, observations } = gap;
+            writeln!(out, "{channel:<10} {unit:>4} {before:>13.2} {model:>8.2} {noise_floor:>12.2} {observations:>13}")?;
+        }
+        if !self.places.is_empty() {
+            writeln!(out, "\nWhere the gap to the model lies")?;
+            writeln!(out, "{:<10} {:<9} {:>4} {:>8} {:>14} {:>13}", "joint", "phase", "unit", "rms", "of the excess", "of the time")?;
+        }
+        for place in &self.places {
+            let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+            let (excess, time) = (percent(place.share_of_excess), percent(place.share_of_time));
+            writeln!(out, "{:<10} {:<9} {:>4} {:>8.2} {excess:>14} {time:>13}", place.joint, place.phase.name(), place.unit, place.rms)?;
+        }
+        if !self.controller.is_empty() {
+            writeln!(out, "\nThe controller's own joint angles against this file's transmission kinematics (largest difference)")?;
+        }
+        for difference in &self.controller {
+            writeln!(out, "{:<10} {:>4} {:>12.6}", difference.joint, difference.unit, difference.largest)?;
+        }
+        if self.unreachable > 0 {
+            writeln!(out, "\n{} tips lie where the kinematics cannot reach and were left out of the joints' rows.", self.unreachable)?;
+        }
+        Ok(())
+    }
+}
+
+fn together(recordings: &[&Residuals]) -> Residuals {
+    let mut all = Residuals::default();
+    for residuals in recordings {
+        all.extend(residuals);
+    }
+    all
+}

@@ -1,1 +1,82 @@
-//! placeholder
+//! Identifies kinematic and cable parameters from recordings, and exports them for the controller.
+//!
+//! A recording has the motors' angles and the tip as the cameras saw it; between them lie cables, pulleys, hard stops, clocks and a
+//! registration. [`batch`] finds the most probable numbers for these and how well each is known; [`identified`] writes those that the
+//! recording determined into the robot file.
+
+pub mod args;
+pub mod batch;
+pub mod export;
+pub mod identified;
+pub mod motion;
+pub mod parameters;
+pub mod prediction;
+pub mod priors;
+pub mod recording;
+pub mod report;
+pub mod session;
+
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+pub use args::Args;
+use args::Command;
+use identified::Finding;
+use parameters::Selection;
+use prediction::Problem;
+use raven::camera::{Cameras, Quality};
+use raven::cli::{self, Outcome};
+use raven::robot::Robot;
+use raven::{Error, Result};
+use recording::Recordings;
+use report::Report;
+
+/// Does what the arguments ask for; the result goes to `out`.
+///
+/// # Errors
+/// With a sentence, if an argument is wrong, a file cannot be read or written, or the recordings do not carry an estimate.
+pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+    match &args.command {
+        Some(Command::Export(export)) => export::run(export, out),
+        None => identify(&args.identify, out),
+    }
+}
+
+fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
+    let start = Instant::now();
+    let robot = Robot::read(args.robot()?)?;
+    robot.arm()?;
+    let quality = args.cameras.as_deref().map_or_else(|| Ok(Quality::default()), |path| Cameras::read(path).map(|c| c.quality))?;
+    let selection = args.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
+    let unknowns = priors::unknowns(&robot, &selection, &quality)?;
+    let recordings = {
+        let spinner = cli::spinner("reading logs");
+        let recordings = Recordings::read(args.logs()?, &robot);
+        spinner.finish_and_clear();
+        recordings?
+    };
+    let problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
+    let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
+    let spinner = cli::spinner("estimating");
+    let estimate = batch::estimate(&problem, &may_hold);
+    spinner.finish_and_clear();
+    let estimate = estimate?;
+    let findings = Finding::all(&unknowns, &estimate);
+    let report = Report::new(&robot, &findings, &estimate, recordings.duration_s, start.elapsed().as_secs_f64());
+
+    if let Some(path) = &args.output {
+        identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;
+    }
+    if let Some(path) = &args.json {
+        cli::write_json(path, &report)?;
+    }
+    print(out, &report.table())?;
+    recordings.lost.iter().chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
+    Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// Writes to standard output, or whatever stands in for it.
+pub(crate) fn print(out: &mut dyn Write, text: &str) -> Result<()> {
+    out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write to", e))
+}

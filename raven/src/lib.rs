@@ -10,6 +10,7 @@ pub mod error;
 pub mod files;
 pub mod filter;
 pub mod log;
+pub mod observation;
 pub mod plot;
 pub mod robot;
 pub mod simulation;

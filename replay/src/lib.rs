@@ -1,1 +1,124 @@
-//! placeholder
+//! `raven-replay`: transmission kinematics, camera and filter side by side against the reference encoders.
+
+pub mod errors;
+pub mod estimate;
+mod report;
+pub mod tour;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use raven::cli::{self, Outcome};
+use raven::log::Recording;
+use raven::robot::Robot;
+use raven::{Error, Result};
+
+use crate::errors::JointErrors;
+
+/// Replays a log through transmission kinematics, camera and filter.
+///
+/// Compares all three with the reference encoders of the log, if it has them.
+///
+///   raven-replay tracked.mcap --robot identified.yaml --cameras cameras.yaml -o estimated.mcap
+#[derive(Debug, Parser)]
+#[command(name = "raven-replay", version, verbatim_doc_comment, args_conflicts_with_subcommands = true)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Logs with motor angles and tips.
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// Robot file, nominal or identified.
+    #[arg(long, required = true)]
+    robot: Option<PathBuf>,
+    /// Cameras the tips were tracked with; checked for being readable.
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// States of the filter: the paper's six, or nine with a slow bias per joint.
+    #[arg(long, value_enum, default_value_t = FilterKind::Bias)]
+    pub filter: FilterKind,
+    /// Share of the time in which the marker is hidden from the filter, in blocks of 2 s.
+    #[arg(long, default_value_t = 0.0, value_parser = share)]
+    pub occlude: f64,
+    /// Writes the estimates to a log, for one input log.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Writes the result as JSON.
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Writes plots of estimates and errors over time as SVG.
+    #[arg(long)]
+    plot: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Simulates a lab session and runs the whole chain on it; results are left in a folder.
+    Tour(tour::Args),
+}
+
+/// Which states the filter has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FilterKind {
+    /// Positions and velocities.
+    Paper,
+    /// And a slow transmission bias per joint.
+    Bias,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..1.0).contains(&value) => Ok(value),
+        _ => Err(format!("`{text}` is no share; expected a number from 0 to below 1")),
+    }
+}
+
+/// Runs the program.
+///
+/// # Errors
+/// If a file cannot be read or written, or the logs lack motor angles.
+pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    if let Some(Command::Tour(tour)) = &args.command {
+        return tour::run(tour, out);
+    }
+    let started = Instant::now();
+    let Some(robot_path) = &args.robot else { return Err(Error::Argument("--robot is needed.".to_owned())) };
+    let robot = Robot::read(robot_path)?;
+    robot.arm()?;
+    if let Some(cameras) = &args.cameras {
+        raven::camera::Cameras::read(cameras)?;
+    }
+    if args.output.is_some() && args.logs.len() > 1 {
+        return Err(Error::Argument("-o takes the estimates of one log; give one log or leave -o away.".to_owned()));
+    }
+    let bar = cli::progress(args.logs.len() as u64, "replaying");
+    let mut errors: [Vec<JointErrors>; 3] = Default::default();
+    let mut summaries = Vec::new();
+    for path in &args.logs {
+        let recording = Recording::read(path, &(&robot).into())?;
+        let (estimates, filter) = estimate::estimate(&recording, &robot, &args)?;
+        if let Some(reference) = &recording.joint_encoders {
+            raven::observation::three_joints(reference, &recording)?;
+            for (j, errors) in errors.iter_mut().enumerate() {
+                errors.push(JointErrors::new(&estimates, reference, j));
+            }
+        }
+        if let Some(output) = &args.output {
+            report::write_log(output, &recording, &robot, &estimates)?;
+        }
+        if let Some(plot) = &args.plot {
+            report::write_plot(plot, &recording, &robot, &estimates)?;
+        }
+        summaries.push(report::LogSummary::new(&recording, &filter));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let result = report::Report::new(&robot, &errors, summaries, started.elapsed().as_secs_f64());
+    result.print(out)?;
+    if let Some(json) = &args.json {
+        cli::write_json(json, &result)?;
+    }
+    Ok(Outcome::Done)
+}

@@ -1,1 +1,186 @@
-//! placeholder
+//! Tracks the coloured marker on the tool in both cameras and triangulates the tip.
+//!
+//! Each frame is searched around where the robot's own kinematics put the marker, a ball is fitted to what is found there, the cameras are
+//! brought to one time, and the tip comes with a covariance and a status.
+
+pub mod batches;
+pub mod centre;
+pub mod colour;
+pub mod interpolate;
+pub mod lock;
+pub mod look;
+pub mod marker;
+pub mod mask;
+pub mod output;
+pub mod patch;
+pub mod perspective;
+pub mod predict;
+pub mod report;
+pub mod tips;
+pub mod tracker;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Parser;
+use raven::camera::Cameras;
+use raven::cli::{self, Outcome};
+use raven::log::{MotorSource, Recording, Side, topics};
+use raven::robot::Robot;
+use raven::{Error, Result, files};
+
+use crate::colour::MarkerColour;
+use crate::look::Marker;
+use crate::marker::Centre;
+use crate::predict::Predictor;
+use crate::report::Report;
+use crate::tracker::{Record, Sighting, Tracker};
+
+/// Track the coloured marker on the tool and write the tip's position.
+///
+/// Example: raven-track sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o tracked.mcap
+#[derive(Debug, Clone, Parser)]
+#[command(version, arg_required_else_help = true)]
+pub struct Args {
+    /// The recording, with images and motors.
+    pub log: PathBuf,
+    /// The robot file.
+    #[arg(long, value_name = "FILE")]
+    pub robot: PathBuf,
+    /// The calibrated and registered cameras.
+    #[arg(long, value_name = "FILE")]
+    pub cameras: PathBuf,
+    /// The tracked log: the recording without its images, and the tip.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Write the result as JSON; `-` is standard output.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Hue of the marker [deg]: 90..150 is green, 340..20 red.
+    #[arg(long, value_name = "FROM..TO", default_value = "90..150", value_parser = hue)]
+    pub hue: [f64; 2],
+    /// Least saturation of the marker, 0 to 1.
+    #[arg(long, value_name = "S", default_value_t = MarkerColour::default().min_saturation, value_parser = share)]
+    pub min_saturation: f64,
+    /// Least brightness of the marker, 0 to 1.
+    #[arg(long, value_name = "V", default_value_t = MarkerColour::default().min_value, value_parser = share)]
+    pub min_value: f64,
+    /// Radius of the marker [m].
+    #[arg(long, value_name = "M", default_value_t = 0.005, value_parser = radius)]
+    pub marker_radius: f64,
+    /// Which centre to take: of a ball fitted to the colours, or of the contour.
+    #[arg(long, value_enum, default_value_t = Centre::Ball)]
+    pub centre: Centre,
+    /// Standard deviation of the frames' stamps [s]; by default what the stamps themselves show.
+    #[arg(long, value_name = "S", value_parser = jitter)]
+    pub stamp_jitter: Option<f64>,
+}
+
+fn number(text: &str, range: std::ops::RangeInclusive<f64>, what: &str) -> Result<f64, String> {
+    let value: f64 = text.trim().parse().map_err(|_| format!("`{text}` is no number"))?;
+    if range.contains(&value) { Ok(value) } else { Err(format!("{value} is not between {} and {} {what}", range.start(), range.end())) }
+}
+
+fn hue(text: &str) -> Result<[f64; 2], String> {
+    let (from, to) = text.split_once("..").ok_or_else(|| format!("`{text}` is no range of degrees such as 90..150"))?;
+    Ok([number(from, 0.0..=360.0, "deg")?, number(to, 0.0..=360.0, "deg")?])
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1.0, "")
+}
+
+fn radius(text: &str) -> Result<f64, String> {
+    number(text, 5e-4..=0.1, "m; is it in millimetres?")
+}
+
+fn jitter(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=0.1, "s; is it in milliseconds?")
+}
+
+/// Runs the program; the result goes to `out`.
+///
+/// # Errors
+/// A sentence for the user: what is missing in the log, the cameras or the robot file, or what to check if the marker is never seen.
+pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    let started = Instant::now();
+    let robot_text = files::read_text(&args.robot)?;
+    let robot = Robot::parse(&args.robot, &robot_text)?;
+    let cameras_text = files::read_text(&args.cameras)?;
+    let cameras = Cameras::parse(&args.cameras, &cameras_text)?;
+    let base_from_left = cameras.base_from_left.ok_or_else(|| {
+        Error::file(
+            &args.cameras,
+            "base_from_left is missing: the cameras are not registered to the robot. Run `raven-calibrate register` first.",
+        )
+    })?;
+    let recording = Recording::read(&args.log, &MotorSource::from(&robot))?;
+    let predictor = Predictor::new(&recording, &robot, cameras.latency_s)?;
+    let frames = frames_of_both(&recording)?;
+
+    let colour = MarkerColour { hue_deg: args.hue, min_saturation: args.min_saturation, min_value: args.min_value };
+    let marker = Marker { colour, radius_m: args.marker_radius, centre: args.centre };
+    let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
+    let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
+    let bar = cli::progress(frames[0] + frames[1], "tracking");
+    let counts = batches::for_each(&args.log, &cameras, pair_within_s, |step| {
+        tracker.step(step);
+        bar.inc(step.iter().flatten().count() as u64);
+    })?;
+    bar.finish_and_clear();
+    let (records, without_motor) = tracker.finish();
+    let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), &records, args.stamp_jitter);
+    let contents = output::Contents { tips: &tips.tips, records: &records, robot: &robot_text, cameras: &cameras_text };
+    let report = Report::new(&tips, counts, without_motor, 0.0);
+    if report.seen == 0 {
+        return Err(never_seen(&args, &records, counts.undecodable));
+    }
+    output::write(&args.log, &args.output, contents)?;
+
+    let report = Report::new(&tips, counts, without_motor, started.elapsed().as_secs_f64());
+    write!(out, "{report}").map_err(|e| Error::io(Path::new("-"), "write", e))?;
+    if let Some(json) = &args.json {
+        cli::write_json(json, &report)?;
+    }
+    Ok(if counts.undecodable > 0 { Outcome::DataLost } else { Outcome::Done })
+}
+
+/// Number of frames, left and right.
+fn frames_of_both(recording: &Recording) -> Result<[u64; 2]> {
+    let count = |side: Side| {
+        let of = |topic: &str| recording.topics.get(topic).copied().filter(|&count| count > 0);
+        of(topics::compressed(side)).or_else(|| of(topics::raw(side))).ok_or_else(|| {
+            let topic = topics::compressed(side);
+            Error::file(
+                &recording.path,
+                format!("the log has no images of the {} camera on `{topic}`; both cameras are needed.", side.name()),
+            )
+        })
+    };
+    Ok([count(Side::Left)?, count(Side::Right)?])
+}
+
+fn never_seen(args: &Args, records: &[Vec<Record>; 2], undecodable: usize) -> Error {
+    let of = |records: &[Record]| {
+        let found = records.iter().filter(|r| !matches!(r.sighting, Sighting::Hidden)).count();
+        format!("{found} of {}", records.len())
+    };
+    let [from, to] = args.hue;
+    Error::file(
+        &args.log,
+        format!(
+            "the marker was never seen by both cameras at once where the robot can have it. A blob of its colour and size was found in {} left \
+             and {} right frames; {undecodable} could not be decoded. Check the colour (--hue {from}..{to}, --min-saturation {}, --min-value \
+             {}), the radius (--marker-radius {}), and the registration in {}.",
+            of(&records[0]),
+            of(&records[1]),
+            args.min_saturation,
+            args.min_value,
+            args.marker_radius,
+            args.cameras.display()
+        ),
+    )
+}
+#[cfg(test)]
+mod tests;

@@ -2,12 +2,16 @@
 
 mod array;
 mod run;
+mod smoother;
 mod srukf;
 mod states;
+mod tune;
 
-pub use run::{FilterRun, TipAt, run};
-pub use srukf::{Innovation, SquareRootUkf};
+pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
+pub use smoother::{Smoothed, smooth};
+pub use srukf::{Innovation, SmootherStep, SquareRootUkf};
 pub use states::{BiasStates, PaperStates, StateEquation};
+pub use tune::likeliest_wander;
 
 #[cfg(test)]
 mod tests;

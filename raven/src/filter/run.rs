@@ -1,8 +1,8 @@
-//! A filter over a whole log: motor angles at the robot's rate, tip observations at their own times.
+//! A filter and smoother over a whole log: motor angles at the robot's rate, tip observations at their own times.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SVector, Vector3};
 
-use super::{Innovation, SquareRootUkf, StateEquation};
+use super::{Innovation, Smoothed, SmootherStep, SquareRootUkf, StateEquation, smooth};
 use crate::robot::{Kinematics, MotorTrack, PAUSE_MAX_S};
 use crate::stats::chi_square_quantile;
 
@@ -17,71 +17,140 @@ pub struct TipAt {
     pub covariance: Matrix3<f64>,
 }
 
-/// What a filter made of a log.
+/// Joint positions over time with their standard deviations.
+#[derive(Debug, Clone, Default)]
+pub struct JointTrack {
+    /// [s].
+    pub time_s: Vec<f64>,
+    /// [rad, rad, m].
+    pub joints: Vec<Vector3<f64>>,
+    /// [rad, rad, m].
+    pub std: Vec<Vector3<f64>>,
+}
+
+/// What filter and smoother made of a log.
 #[derive(Debug, Clone, Default)]
 pub struct FilterRun {
-    /// One estimate per motor sample [s].
-    pub time_s: Vec<f64>,
-    /// Joint positions [rad, rad, m].
-    pub joints: Vec<Vector3<f64>>,
-    /// Their standard deviations.
-    pub std: Vec<Vector3<f64>>,
+    /// With the observations up to each time.
+    pub filtered: JointTrack,
+    /// With all observations.
+    pub smoothed: JointTrack,
     /// Time and innovation of every tip that was offered, accepted or not.
     pub innovations: Vec<(f64, Innovation<3>)>,
     /// Pauses in the log after which the filter started anew.
     pub restarts: usize,
 }
 
+/// Time between estimates [s]. The model is integrated through every motor sample in between; no motion here changes within it.
+pub const KNOT_S: f64 = 5e-3;
+
 /// Chance that a good observation is refused by the gate.
 const GATE_REFUSES: f64 = 1e-6;
 
-/// Runs a filter with `N` states over a log. Tips must be sorted by time; those outside the log are passed over.
+/// A stretch of steady motor motion: angle [rad], velocity [rad/s], duration [s].
+type Piece = (Vector3<f64>, Vector3<f64>, f64);
+
+/// Runs a filter with `N` states over a log. Tips must be sorted by time; those outside the log and in its pauses are passed over.
 #[must_use]
 pub fn run<const N: usize>(equation: &impl StateEquation<N>, kinematics: &Kinematics, motor: &MotorTrack, tips: &[TipAt]) -> FilterRun {
-    let gate = chi_square_quantile(3, 1.0 - GATE_REFUSES);
     let mut out = FilterRun::default();
-    let Some(first) = motor.angle.first() else { return out };
-    let (mean, factor) = equation.initial(first);
-    let mut filter = SquareRootUkf::<N, 3>::new(mean, factor);
-    let mut pending = tips.iter().skip_while(|tip| tip.time_s < motor.time_s[0]).peekable();
-    for k in 0..motor.angle.len() {
-        let now = motor.time_s[k];
-        if k > 0 {
-            let (start, from) = (motor.time_s[k - 1], &motor.angle[k - 1]);
-            let interval = now - start;
-            if interval > PAUSE_MAX_S {
-                (filter.mean, filter.factor) = equation.initial(&motor.angle[k]);
-                out.restarts += 1;
-                while pending.next_if(|tip| tip.time_s <= now).is_some() {}
-            } else {
-                let rate = (motor.angle[k] - from) / interval;
-                let mut at = start;
-                while let Some(tip) = pending.next_if(|tip| tip.time_s <= now) {
-                    advance(&mut filter, equation, &(from + rate * (at - start)), &rate, tip.time_s - at);
-                    at = tip.time_s;
-                    if let Some(noise) = tip.covariance.cholesky() {
-                        let observe = |x: &_| kinematics.forward(&equation.joints(x));
-                        out.innovations.push((at, filter.update(&tip.position, observe, &noise.l(), gate)));
-                    }
-                }
-                advance(&mut filter, equation, &(from + rate * (at - start)), &rate, now - at);
-            }
-        }
-        out.time_s.push(now);
-        out.joints.push(equation.joints(&filter.mean));
-        out.std.push(Vector3::from_fn(|j, _| filter.factor.row(j).norm()));
+    let mut pending = tips;
+    let mut start = 0;
+    while start < motor.time_s.len() {
+        let pause = (start + 1..motor.time_s.len()).find(|&k| motor.time_s[k] - motor.time_s[k - 1] > PAUSE_MAX_S);
+        let end = pause.unwrap_or(motor.time_s.len());
+        let passed = pending.partition_point(|tip| tip.time_s <= motor.time_s[start]);
+        let due = pending.partition_point(|tip| tip.time_s <= motor.time_s[end - 1]);
+        Stretch::new(equation, kinematics, &motor.angle[start], motor.time_s[start]).run(
+            motor,
+            start..end,
+            &pending[passed.min(due)..due],
+            &mut out,
+        );
+        pending = &pending[due..];
+        out.restarts += usize::from(pause.is_some());
+        start = end;
     }
     out
 }
 
-fn advance<const N: usize>(
-    filter: &mut SquareRootUkf<N, 3>,
-    equation: &impl StateEquation<N>,
-    motor: &Vector3<f64>,
-    rate: &Vector3<f64>,
-    step_s: f64,
-) {
-    if step_s > 0.0 {
-        filter.predict(|x| equation.transition(x, motor, rate, step_s), &equation.noise_factor(step_s));
+/// One stretch of a log without pauses.
+struct Stretch<'a, const N: usize, E> {
+    equation: &'a E,
+    kinematics: &'a Kinematics,
+    filter: SquareRootUkf<N, 3>,
+    gate: Option<f64>,
+    /// Motion since the last estimate.
+    pieces: Vec<Piece>,
+    times: Vec<f64>,
+    filtered: Vec<Smoothed<N>>,
+    steps: Vec<SmootherStep<N>>,
+}
+
+impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
+    fn new(equation: &'a E, kinematics: &'a Kinematics, motor: &Vector3<f64>, time_s: f64) -> Self {
+        let (mean, factor) = equation.initial(motor);
+        Self {
+            equation,
+            kinematics,
+            filter: SquareRootUkf::new(mean, factor),
+            gate: chi_square_quantile(3, 1.0 - GATE_REFUSES),
+            pieces: Vec::new(),
+            times: vec![time_s],
+            filtered: vec![Smoothed { mean, factor }],
+            steps: Vec::new(),
+        }
+    }
+
+    fn run(mut self, motor: &MotorTrack, samples: std::ops::Range<usize>, tips: &[TipAt], out: &mut FilterRun) {
+        let mut pending = tips.iter().peekable();
+        for k in samples.start + 1..samples.end {
+            let (from, angle, now) = (motor.time_s[k - 1], &motor.angle[k - 1], motor.time_s[k]);
+            let rate = (motor.angle[k] - angle) / (now - from);
+            let mut at = from;
+            while let Some(tip) = pending.next_if(|tip| tip.time_s <= now) {
+                self.pieces.push((angle + rate * (at - from), rate, tip.time_s - at));
+                at = tip.time_s;
+                self.advance(at);
+                self.observe(tip, out);
+            }
+            self.pieces.push((angle + rate * (at - from), rate, now - at));
+            if now - self.times[self.times.len() - 1] >= KNOT_S || k + 1 == samples.end {
+                self.advance(now);
+            }
+        }
+        let last = self.filtered[self.filtered.len() - 1];
+        out.filtered.append(self.equation, &self.times, &self.filtered);
+        out.smoothed.append(self.equation, &self.times, &smooth(&self.steps, last));
+    }
+
+    fn advance(&mut self, time_s: f64) {
+        let total: f64 = self.pieces.iter().map(|(_, _, duration)| duration).sum();
+        if total > 0.0 {
+            let (equation, pieces) = (self.equation, &self.pieces);
+            let along = |x: &SVector<f64, N>| pieces.iter().fold(*x, |x, (motor, rate, step)| equation.transition(&x, motor, rate, *step));
+            self.steps.push(self.filter.predict_recorded(along, &equation.noise_factor(total)));
+            self.times.push(time_s);
+            self.filtered.push(Smoothed { mean: self.filter.mean, factor: self.filter.factor });
+        }
+        self.pieces.clear();
+    }
+
+    fn observe(&mut self, tip: &TipAt, out: &mut FilterRun) {
+        let Some(noise) = tip.covariance.cholesky() else { return };
+        let (equation, kinematics) = (self.equation, self.kinematics);
+        let innovation = self.filter.update(&tip.position, |x| kinematics.forward(&equation.joints(x)), &noise.l(), self.gate);
+        out.innovations.push((tip.time_s, innovation));
+        if let Some(last) = self.filtered.last_mut() {
+            *last = Smoothed { mean: self.filter.mean, factor: self.filter.factor };
+        }
+    }
+}
+
+impl JointTrack {
+    fn append<const N: usize>(&mut self, equation: &impl StateEquation<N>, times: &[f64], states: &[Smoothed<N>]) {
+        self.time_s.extend(times);
+        self.joints.extend(states.iter().map(|state| equation.joints(&state.mean)));
+        self.std.extend(states.iter().map(|state| Vector3::from_fn(|j, _| state.factor.row(j).norm())));
     }
 }

@@ -26,7 +26,9 @@ pub struct SquareRootUkf<const N: usize, const M: usize> {
     pub factor: SMatrix<f64, N, N>,
     points: Vec<SVector<f64, N>>,
     observed: Vec<SVector<f64, M>>,
+    before: Vec<SVector<f64, N>>,
     time_array: Triangulariser,
+    smoothing_array: Triangulariser,
     measurement_array: Triangulariser,
 }
 
@@ -43,6 +45,19 @@ pub struct Innovation<const M: usize> {
     pub accepted: bool,
 }
 
+/// One prediction, as the backward pass of the smoother needs it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SmootherStep<const N: usize> {
+    /// Mean before the prediction, all observations up to there taken in.
+    pub filtered: SVector<f64, N>,
+    /// Mean after it.
+    pub predicted: SVector<f64, N>,
+    /// Smoother gain `G`.
+    pub gain: SMatrix<f64, N, N>,
+    /// Factor `B` of the covariance that remains if the next state were known.
+    pub residual_factor: SMatrix<f64, N, N>,
+}
+
 impl<const N: usize, const M: usize> SquareRootUkf<N, M> {
     /// A filter at `mean` with covariance `factor factor'`; `factor` is lower-triangular. All memory is taken here.
     #[must_use]
@@ -53,7 +68,9 @@ impl<const N: usize, const M: usize> SquareRootUkf<N, M> {
             factor,
             points: vec![SVector::zeros(); points],
             observed: vec![SVector::zeros(); points],
+            before: vec![SVector::zeros(); points],
             time_array: Triangulariser::new(N, points + N),
+            smoothing_array: Triangulariser::new(2 * N, points + N),
             measurement_array: Triangulariser::new(M + N, M + points),
         }
     }
@@ -83,6 +100,43 @@ impl<const N: usize, const M: usize> SquareRootUkf<N, M> {
                 self.factor[(row, column)] = self.time_array.get(row, column);
             }
         }
+    }
+
+    /// As [`Self::predict`], and keeps what the backward pass of a smoother needs of this step:
+    ///
+    /// ```text
+    /// [ S-  0 ]        [ sqrt(W_i) (f(X_i) - x-)   S_q ]
+    /// [ A   B ]  from  [ sqrt(W_i) (X_i - x)       0   ],   G = A S-^-1
+    /// ```
+    pub fn predict_recorded(
+        &mut self,
+        transition: impl FnMut(&SVector<f64, N>) -> SVector<f64, N>,
+        noise_factor: &SMatrix<f64, N, N>,
+    ) -> SmootherStep<N> {
+        self.draw_points();
+        self.before.copy_from_slice(&self.points);
+        let filtered = self.mean;
+        self.predict(transition, noise_factor);
+        let array = &mut self.smoothing_array;
+        array.clear();
+        for (i, (after, before)) in self.points.iter().zip(&self.before).enumerate() {
+            let weight = root_weight::<N>(i);
+            for row in 0..N {
+                array.set(row, i, weight * (after[row] - self.mean[row]));
+                array.set(N + row, i, weight * (before[row] - filtered[row]));
+            }
+        }
+        for column in 0..N {
+            for row in 0..N {
+                array.set(row, 2 * N + 1 + column, noise_factor[(row, column)]);
+            }
+        }
+        array.triangularise();
+        let across = SMatrix::<f64, N, N>::from_fn(|r, c| array.get(N + r, c));
+        // Without noise in some direction nothing can be learned about it from later: its gain is zero.
+        let gain = self.factor.transpose().solve_upper_triangular(&across.transpose()).map_or_else(SMatrix::zeros, |g| g.transpose());
+        let residual_factor = SMatrix::from_fn(|r, c| if c <= r { array.get(N + r, N + c) } else { 0.0 });
+        SmootherStep { filtered, predicted: self.mean, gain, residual_factor }
     }
 
     /// Takes in an observation `measured = observe(x) + noise`; `noise_factor` is the lower-triangular factor of the noise.

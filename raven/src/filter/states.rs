@@ -5,7 +5,8 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use crate::robot::{LinkModel, LinkState};
+use super::{TipAt, likeliest_wander};
+use crate::robot::{LinkModel, LinkState, MotorTrack};
 
 /// A state equation with `N` states driven by motor angles.
 pub trait StateEquation<const N: usize> {
@@ -84,10 +85,13 @@ pub struct BiasStates {
 }
 
 impl BiasStates {
-    /// With a bias of the size that such transmissions show (1 deg, 2 mm) and that may change by as much over some ten seconds.
+    /// With a bias of the size that such transmissions show (1 deg, 2 mm), wandering as fast as the log's own tips say it does; where
+    /// they are too few to say, by as much again over some ten seconds.
     #[must_use]
-    pub fn new(model: LinkModel) -> Self {
-        Self { paper: PaperStates::new(model), bias_noise: Vector3::new(3e-3, 3e-3, 6e-4), bias_initial: Vector3::new(0.02, 0.02, 2e-3) }
+    pub fn new(model: LinkModel, motor: &MotorTrack, tips: &[TipAt]) -> Self {
+        let bias_initial = Vector3::new(0.02, 0.02, 2e-3);
+        let wander = likeliest_wander(&model, motor, tips, &bias_initial);
+        Self { paper: PaperStates::new(model), bias_noise: wander.unwrap_or_else(|| bias_initial / 10.0_f64.sqrt()), bias_initial }
     }
 }
 

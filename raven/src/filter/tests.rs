@@ -1,12 +1,14 @@
 //! What a square-root filter must pass; each of these is a published failure of one that did not.
 
+use std::ops::AddAssign;
+
 use approx::assert_relative_eq;
 use nalgebra::{Matrix1, Matrix4, SMatrix, SVector, Vector1, Vector3, Vector4};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::robot::{LinkModel, nominal};
+use crate::robot::{LinkModel, MotorTrack, nominal};
 
 /// Two coupled masses of which only the first position is seen; the noise enters all states together.
 fn two_masses() -> (Matrix4<f64>, Matrix4<f64>, SMatrix<f64, 1, 4>) {
@@ -55,6 +57,43 @@ fn equals_the_exact_kalman_filter_on_a_partially_observed_system() {
         assert_relative_eq!(filter.mean, exact.mean, epsilon = 1e-10);
         assert_relative_eq!(filter.covariance(), exact.covariance, epsilon = 1e-10);
         assert!((0..4).all(|i| filter.factor[(i, i)] >= 0.0 && (i + 1..4).all(|j| filter.factor[(i, j)] == 0.0)));
+    }
+}
+
+#[test]
+fn smoother_equals_weighted_least_squares_over_the_whole_record() {
+    let (f, root, h) = two_masses();
+    let (q, r, steps) = (root * root.transpose(), 0.04, 12);
+    let start = Matrix4::from_diagonal(&Vector4::new(1.0, 0.5, 2.0, 0.1));
+    let observed = |k: usize| (k % 3 != 0).then(|| (k as f64 * 0.7).cos());
+    let mut filter = SquareRootUkf::<4, 1>::new(Vector4::new(0.5, -0.1, 0.2, 0.3), start.map(f64::sqrt));
+    // All states at once: prior, transitions and observations as one information matrix.
+    let size = 4 * (steps + 1);
+    let (mut information, mut vector) = (nalgebra::DMatrix::<f64>::zeros(size, size), nalgebra::DVector::<f64>::zeros(size));
+    let (start_inverse, q_inverse) = (start.try_inverse().unwrap(), q.try_inverse().unwrap());
+    information.fixed_view_mut::<4, 4>(0, 0).add_assign(&start_inverse);
+    vector.fixed_rows_mut::<4>(0).add_assign(&(start_inverse * filter.mean));
+    let mut recorded = Vec::new();
+    for k in 0..steps {
+        recorded.push(filter.predict_recorded(|x| f * x, &root));
+        let (a, b) = (4 * k, 4 * (k + 1));
+        information.fixed_view_mut::<4, 4>(a, a).add_assign(&(f.transpose() * q_inverse * f));
+        information.fixed_view_mut::<4, 4>(a, b).add_assign(&(-f.transpose() * q_inverse));
+        information.fixed_view_mut::<4, 4>(b, a).add_assign(&(-q_inverse * f));
+        information.fixed_view_mut::<4, 4>(b, b).add_assign(&q_inverse);
+        if let Some(y) = observed(k) {
+            filter.update(&Vector1::new(y), |x| h * x, &Matrix1::new(f64::sqrt(r)), None);
+            information.fixed_view_mut::<4, 4>(b, b).add_assign(&(h.transpose() * h / r));
+            vector.fixed_rows_mut::<4>(b).add_assign(&(h.transpose() * y / r));
+        }
+    }
+    let covariance = information.try_inverse().unwrap();
+    let mean = &covariance * vector;
+    let smoothed = smooth(&recorded, Smoothed { mean: filter.mean, factor: filter.factor });
+    for (k, state) in smoothed.iter().enumerate() {
+        assert_relative_eq!(state.mean, mean.fixed_rows::<4>(4 * k).into_owned(), epsilon = 1e-9);
+        let expected = covariance.fixed_view::<4, 4>(4 * k, 4 * k).into_owned();
+        assert_relative_eq!(state.factor * state.factor.transpose(), expected, epsilon = 1e-9);
     }
 }
 
@@ -123,7 +162,7 @@ fn refuses_what_is_not_finite_or_beyond_the_gate() {
 
 #[test]
 fn noise_of_the_state_equations_adds_up_over_time() {
-    let states = BiasStates::new(LinkModel::new(nominal::gold().arm().unwrap()));
+    let states = BiasStates::new(LinkModel::new(nominal::gold().arm().unwrap()), &MotorTrack::default(), &[]);
     let q = |t: f64| {
         let factor = states.noise_factor(t);
         factor * factor.transpose()

@@ -19,6 +19,8 @@ mod robot_state;
 mod series;
 mod stamp;
 mod survey;
+#[cfg(test)]
+mod tests;
 mod tip;
 mod walk;
 mod write_protobuf;
@@ -32,7 +34,7 @@ pub use recover::{Recovery, recover};
 pub use robot_state::{ARM_JOINTS, RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, RavenState, arm_offset};
 pub use series::JointSeries;
 pub use stamp::Stamp;
-pub use survey::{CameraSkew, StoredFile, Survey, TopicSurvey};
+pub use survey::{CameraSkew, StoredFile, Survey, TipCounts, TopicSurvey};
 pub use tip::{TipObservation, TipStatus};
 pub use walk::{Attachment, Channel, Damage, Item, RawMessage, Walker};
 pub use write_protobuf::CameraInfo;

@@ -65,10 +65,10 @@ impl CameraFrame {
         let (width, height) = (raster.width, raster.height);
         let pixels = raster.collect(3 * width as usize, |layout, row, out| match layout {
             Layout::Rgb => out.extend_from_slice(row),
-            Layout::Bgr => out.extend(row.chunks_exact(3).flat_map(|pixel| [pixel[2], pixel[1], pixel[0]])),
+            Layout::Bgr => out.extend(row.as_chunks().0.iter().flat_map(|&[b, g, r]| [r, g, b])),
             Layout::Mono => out.extend(row.iter().flat_map(|&y| [y; 3])),
-            Layout::Yuyv => out.extend(row.chunks_exact(4).flat_map(|p| two_rgb(p[0], p[2], p[1], p[3]))),
-            Layout::Uyvy => out.extend(row.chunks_exact(4).flat_map(|p| two_rgb(p[1], p[3], p[0], p[2]))),
+            Layout::Yuyv => out.extend(row.as_chunks().0.iter().flat_map(|&[y0, u, y1, v]| two_rgb(y0, y1, u, v))),
+            Layout::Uyvy => out.extend(row.as_chunks().0.iter().flat_map(|&[u, y0, v, y1]| two_rgb(y0, y1, u, v))),
         });
         RgbImage::from_raw(width, height, pixels).ok_or_else(|| self.bad("its rows are incomplete"))
     }
@@ -84,7 +84,7 @@ impl CameraFrame {
                     image::DynamicImage::ImageLuma8(gray) => gray,
                     colour => {
                         let rgb = colour.into_rgb8();
-                        let luma: Vec<u8> = rgb.as_raw().chunks_exact(3).map(|pixel| luma(pixel[0], pixel[1], pixel[2])).collect();
+                        let luma = rgb.as_raw().as_chunks().0.iter().map(|&[r, g, b]| luma(r, g, b)).collect();
                         GrayImage::from_raw(rgb.width(), rgb.height(), luma).ok_or_else(|| self.bad("its rows are incomplete"))?
                     }
                 });
@@ -93,8 +93,8 @@ impl CameraFrame {
         };
         let (width, height) = (raster.width, raster.height);
         let pixels = raster.collect(width as usize, |layout, row, out| match layout {
-            Layout::Rgb => out.extend(row.chunks_exact(3).map(|pixel| luma(pixel[0], pixel[1], pixel[2]))),
-            Layout::Bgr => out.extend(row.chunks_exact(3).map(|pixel| luma(pixel[2], pixel[1], pixel[0]))),
+            Layout::Rgb => out.extend(row.as_chunks().0.iter().map(|&[r, g, b]| luma(r, g, b))),
+            Layout::Bgr => out.extend(row.as_chunks().0.iter().map(|&[b, g, r]| luma(r, g, b))),
             Layout::Mono => out.extend_from_slice(row),
             Layout::Yuyv => out.extend(row.iter().step_by(2)),
             Layout::Uyvy => out.extend(row.iter().skip(1).step_by(2)),

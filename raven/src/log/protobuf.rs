@@ -44,10 +44,10 @@ pub struct FrameMeta {
     /// V4L2 sequence number.
     #[prost(uint32, tag = "2")]
     pub sequence: u32,
-    /// Kernel time of the frame on the monotonic clock [ns].
+    /// Kernel time of the frame on the monotonic clock (ns).
     #[prost(uint64, tag = "3")]
     pub kernel_monotonic_ns: u64,
-    /// Time at which the program took the frame from the driver, on the monotonic clock [ns].
+    /// Time at which the program took the frame from the driver, on the monotonic clock (ns).
     #[prost(uint64, tag = "4")]
     pub dequeue_monotonic_ns: u64,
     /// V4L2 buffer flags.
@@ -70,10 +70,10 @@ pub struct ClockSample {
     /// Real time; filled in by the writer.
     #[prost(message, optional, tag = "1")]
     pub timestamp: Option<Timestamp>,
-    /// Monotonic clock [ns].
+    /// Monotonic clock (ns).
     #[prost(uint64, tag = "2")]
     pub monotonic_ns: u64,
-    /// Real-time clock [ns since the epoch].
+    /// Real-time clock (ns since the epoch).
     #[prost(uint64, tag = "3")]
     pub realtime_ns: u64,
 }

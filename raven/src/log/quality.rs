@@ -16,11 +16,11 @@ pub struct StreamQuality {
     pub first: Option<Stamp>,
     /// Last stamp.
     pub last: Option<Stamp>,
-    /// Median interval between different stamps [s], `None` with fewer than two of them.
+    /// Median interval between different stamps (s), `None` with fewer than two of them.
     pub median_interval_s: Option<f64>,
     /// Intervals longer than [`GAP_FACTOR`] medians.
     pub gaps: usize,
-    /// The longest interval [s].
+    /// The longest interval (s).
     pub longest_interval_s: Option<f64>,
     /// Messages whose stamp another one has too.
     pub duplicates: usize,

@@ -46,17 +46,17 @@ pub struct Recording {
     pub path: PathBuf,
     /// The earliest stamp of motors, joint encoders and tip; of the images where there is none of these.
     pub start: Stamp,
-    /// From `start` to the last such stamp [s].
+    /// From `start` to the last such stamp (s).
     pub duration_s: f64,
     /// Metadata record `session`: robot, arm, motion, operator and more.
     pub session: BTreeMap<String, String>,
-    /// Motor shaft angles [rad], efforts after the gear box at the capstan [N m]. From `raven_state`: the first three joints of the arm.
+    /// Motor shaft angles (rad), efforts after the gear box at the capstan (N m). From `raven_state`: the first three joints of the arm.
     pub motor: Option<JointSeries>,
-    /// Joint angles as the robot's controller has them [rad, rad, m], from `raven_state`.
+    /// Joint angles as the robot's controller has them (rad, rad, m), from `raven_state`.
     pub controller_joints: Option<JointSeries>,
     /// Raw encoder counts `[joint][sample]` at the samples of `motor`, from `raven_state`; the arm's sign is not applied.
     pub encoder_counts: Option<Vec<Vec<i32>>>,
-    /// Reference encoders at the joints [rad or m], with the load there as effort.
+    /// Reference encoders at the joints (rad or m), with the load there as effort.
     pub joint_encoders: Option<JointSeries>,
     /// Tip observations in the order of time. One without finite numbers counts as occluded.
     pub tip: Vec<TipObservation>,

@@ -69,35 +69,35 @@ pub struct RavenState {
     pub last_seq: i32,
     /// Kind of each arm.
     pub mechanism_type: [i32; 2],
-    /// Tip in frame 0, gold then green [um].
+    /// Tip in frame 0, gold then green (um).
     pub pos_um: [i32; 6],
     /// Orientation of the tip, two row-major matrices.
     pub ori: [f32; 18],
     /// Desired orientation.
     pub ori_d: [f32; 18],
-    /// Desired tip [um].
+    /// Desired tip (um).
     pub pos_d_um: [i32; 6],
     /// Seconds and nanoseconds since the last message.
     pub dt: [i32; 2],
     /// Raw encoder counts, without the arm's sign.
     pub encoder_counts: [i32; 16],
-    /// Commands to the amplifiers [counts].
+    /// Commands to the amplifiers (counts).
     pub dac: [i32; 16],
-    /// Commanded torque after the gear box, at the capstan [N m].
+    /// Commanded torque after the gear box, at the capstan (N m).
     pub tau: [f32; 16],
-    /// Motor shaft angles [deg].
+    /// Motor shaft angles (deg).
     pub mpos_deg: [f32; 16],
-    /// The controller's joint angles [deg], insertion [m x 180/pi].
+    /// The controller's joint angles (deg), insertion (m x 180/pi).
     pub jpos_deg: [f32; 16],
-    /// Motor speeds [deg/s].
+    /// Motor speeds (deg/s).
     pub mvel_deg_s: [f32; 16],
-    /// The controller's joint speeds [deg/s].
+    /// The controller's joint speeds (deg/s).
     pub jvel_deg_s: [f32; 16],
-    /// Desired motor angles [deg].
+    /// Desired motor angles (deg).
     pub mpos_d_deg: [f32; 16],
-    /// Desired joint angles [deg].
+    /// Desired joint angles (deg).
     pub jpos_d_deg: [f32; 16],
-    /// Desired grasp [rad].
+    /// Desired grasp (rad).
     pub grasp_d: [f32; 2],
     /// Encoder counts at zero of the motor angle.
     pub encoder_offsets: [f32; 16],
@@ -113,43 +113,46 @@ impl RavenState {
     pub fn encode(&self, stamp: Stamp) -> Vec<u8> {
         let (seconds, nanoseconds) = stamp.to_ros();
         let mut wire = Vec::with_capacity(980);
-        let mut put = |bytes: [u8; 4]| wire.extend_from_slice(&bytes);
         for number in [self.seq, seconds, nanoseconds, 0] {
-            put(number.to_le_bytes());
+            wire.extend_from_slice(&number.to_le_bytes());
         }
-        let mut integers = |values: &[i32]| values.iter().for_each(|value| put(value.to_le_bytes()));
-        integers(&[self.runlevel, self.sublevel, self.last_seq]);
-        integers(&self.mechanism_type);
-        integers(&self.pos_um);
-        let mut floats = |values: &[f32]| values.iter().for_each(|value| put(value.to_le_bytes()));
-        floats(&self.ori);
-        floats(&self.ori_d);
-        let mut integers = |values: &[i32]| values.iter().for_each(|value| put(value.to_le_bytes()));
-        integers(&self.pos_d_um);
-        integers(&self.dt);
-        integers(&self.encoder_counts);
-        integers(&self.dac);
-        let mut floats = |values: &[f32]| values.iter().for_each(|value| put(value.to_le_bytes()));
-        floats(&self.tau);
+        put_integers(&mut wire, &[self.runlevel, self.sublevel, self.last_seq]);
+        put_integers(&mut wire, &self.mechanism_type);
+        put_integers(&mut wire, &self.pos_um);
+        put_floats(&mut wire, &self.ori);
+        put_floats(&mut wire, &self.ori_d);
+        put_integers(&mut wire, &self.pos_d_um);
+        put_integers(&mut wire, &self.dt);
+        put_integers(&mut wire, &self.encoder_counts);
+        put_integers(&mut wire, &self.dac);
+        put_floats(&mut wire, &self.tau);
         for angles in [&self.mpos_deg, &self.jpos_deg, &self.mvel_deg_s, &self.jvel_deg_s, &self.mpos_d_deg, &self.jpos_d_deg] {
-            floats(angles);
+            put_floats(&mut wire, angles);
         }
-        floats(&self.grasp_d);
-        floats(&self.encoder_offsets);
-        floats(&self.jac_vel);
-        floats(&self.jac_f);
+        put_floats(&mut wire, &self.grasp_d);
+        put_floats(&mut wire, &self.encoder_offsets);
+        put_floats(&mut wire, &self.jac_vel);
+        put_floats(&mut wire, &self.jac_f);
         wire
     }
+}
+
+fn put_integers(wire: &mut Vec<u8>, values: &[i32]) {
+    wire.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+}
+
+fn put_floats(wire: &mut Vec<u8>, values: &[f32]) {
+    wire.extend(values.iter().flat_map(|value| value.to_le_bytes()));
 }
 
 /// The first three joints of one arm in one message.
 pub(super) struct MotorSample {
     pub(super) stamp: Option<Stamp>,
-    /// Motor shaft angles [rad].
+    /// Motor shaft angles (rad).
     pub(super) motor: [f64; 3],
-    /// Torque after the gear box [N m].
+    /// Torque after the gear box (N m).
     pub(super) torque: Option<[f64; 3]>,
-    /// The controller's joint angles [rad, rad, m].
+    /// The controller's joint angles (rad, rad, m).
     pub(super) controller: Option<[f64; 3]>,
     pub(super) counts: Option<[i32; 3]>,
 }
@@ -205,21 +208,20 @@ mod tests {
     /// Every field comes back under its name, so the order written is the order defined.
     #[test]
     fn the_layout_written_is_the_layout_defined() {
-        let mut next = 0;
-        let mut number = || {
-            next += 1;
-            next
+        let mut last = 0;
+        let mut next = || {
+            last += 1;
+            last
         };
-        macro_rules! fill {
-            ($($field:ident),*) => { RavenState { $($field: std::array::from_fn(|_| number() as _),)* ..RavenState::default() } };
+        macro_rules! count_through {
+            ($($field:ident),*) => { RavenState { $($field: std::array::from_fn(|_| next() as _),)* ..RavenState::default() } };
         }
-        let mut state = fill!(
+        let mut state = count_through!(
             mechanism_type,
             pos_um,
             ori,
             ori_d,
             pos_d_um,
-            dt,
             encoder_counts,
             dac,
             tau,
@@ -234,34 +236,19 @@ mod tests {
             jac_vel,
             jac_f
         );
-        (state.runlevel, state.sublevel, state.last_seq) = (-1, -2, -3);
+        (state.runlevel, state.sublevel, state.last_seq) = (-2, -1, 0);
         let wire = state.encode(Stamp::from_ros(5, 6));
         assert_eq!(wire.len(), 980);
         let definition = Definition::parse(RAVEN_STATE_TYPE, RAVEN_STATE_DEFINITION).unwrap();
-        let names = ["runlevel", "sublevel", "last_seq", "type", "pos", "ori", "ori_d", "pos_d", "encVals", "dac_val", "tau", "mpos"];
-        let [a, b, c, rest @ ..] = Extractor::new(&definition, &names).unwrap().walk::<12>(&wire).unwrap();
-        assert_eq!([a, b, c].map(|value| value.unwrap().number(0).unwrap()), [-1.0, -2.0, -3.0]);
-        let mut expected = 0.0;
-        let mut follows = |value: Option<crate::log::ros1::Value<'_>>| {
+        let mut expected = -3.0;
+        for field in definition.fields(RAVEN_STATE_TYPE).iter().filter(|field| field.name != "hdr" && field.name != "dt") {
+            let [value] = Extractor::new(&definition, &[&field.name]).unwrap().walk(&wire).unwrap();
             let value = value.unwrap();
             for i in 0..value.len() {
                 expected += 1.0;
-                assert_eq!(value.number(i), Some(expected));
+                assert_eq!(value.number(i), Some(expected), "{}[{i}]", field.name);
             }
-            expected
-        };
-        let [kind, pos, ori, ori_d, pos_d, counts, dac, tau, mpos] = rest;
-        [kind, pos, ori, ori_d, pos_d].map(&mut follows);
-        expected += 2.0; // dt is no number
-        let mut follows = |value: Option<crate::log::ros1::Value<'_>>| {
-            let value = value.unwrap();
-            for i in 0..value.len() {
-                expected += 1.0;
-                assert_eq!(value.number(i), Some(expected));
-            }
-        };
-        [counts, dac, tau, mpos].map(&mut follows);
-        let names = ["jpos", "mvel", "jvel", "mpos_d", "jpos_d", "grasp_d", "encoffsets", "jac_vel", "jac_f"];
-        Extractor::new(&definition, &names).unwrap().walk::<9>(&wire).unwrap().map(&mut follows);
+        }
+        assert_eq!(expected, f64::from(last));
     }
 }

@@ -13,11 +13,11 @@ const JOINED_INTERVALS: f64 = 3.0;
 pub struct JointSeries {
     /// Names of the joints.
     pub names: Vec<String>,
-    /// Times since [`super::Recording::start`] [s].
+    /// Times since [`super::Recording::start`] (s).
     pub time_s: Vec<f64>,
-    /// `position[joint][sample]` [rad or m].
+    /// `position[joint][sample]` (rad or m).
     pub position: Vec<Vec<f64>>,
-    /// `effort[joint][sample]` [N m or N], `None` if it was not recorded.
+    /// `effort[joint][sample]` (N m or N), `None` if it was not recorded.
     pub effort: Option<Vec<Vec<f64>>>,
     joined_s: f64,
 }
@@ -43,7 +43,7 @@ impl JointSeries {
         self.time_s.is_empty()
     }
 
-    /// The longest interval that [`JointSeries::interpolate`] bridges: three median intervals, at least 20 ms [s].
+    /// The longest interval that [`JointSeries::interpolate`] bridges: three median intervals, at least 20 ms (s).
     #[must_use]
     pub const fn longest_joined_s(&self) -> f64 {
         self.joined_s

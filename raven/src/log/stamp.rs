@@ -26,7 +26,7 @@ impl Stamp {
     #[must_use]
     pub fn seconds_since(self, origin: Self) -> f64 {
         let nanoseconds = i128::from(self.0) - i128::from(origin.0);
-        nanoseconds as f64 * 1e-9
+        nanoseconds as f64 / 1e9
     }
 
     /// The stamp `seconds` later, rounded to a nanosecond; it stops at the ends of the range, and NaN does not move it.

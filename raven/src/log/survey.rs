@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::frames::FrameDecoder;
 use super::header::{StampReader, schema_name};
 use super::quality::median;
-use super::{Channel, Damage, Item, MotorSource, RawMessage, Recording, Side, Stamp, StreamQuality, Walker, topics};
+use super::{Channel, Damage, Item, MotorSource, RawMessage, Recording, Side, Stamp, StreamQuality, TipStatus, Walker, topics};
 use crate::Result;
 use crate::robot::SourceFormat;
 
@@ -27,6 +27,8 @@ pub struct TopicSurvey {
     pub bytes: u64,
     /// JPEG frames without an end marker.
     pub truncated_frames: usize,
+    /// Frames that the camera counted, but that are not in the log; 0 also where the camera's count was not recorded.
+    pub missing_frames: u64,
     /// Messages per second.
     pub rate_hz: Option<f64>,
     /// Regularity.
@@ -37,10 +39,21 @@ pub struct TopicSurvey {
 /// How far apart the frames of the two cameras are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraSkew {
-    /// Median of the stamp of the nearest right frame minus that of each left frame [s].
+    /// Median of the stamp of the nearest right frame minus that of each left frame (s).
     pub right_minus_left_s: f64,
-    /// Median of its absolute value [s].
+    /// Median of its absolute value (s).
     pub absolute_s: f64,
+}
+
+/// What became of the tracked point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct TipCounts {
+    /// Observations with a usable position.
+    pub seen: usize,
+    /// Observations without.
+    pub occluded: usize,
+    /// Observations rejected as jumps.
+    pub jumped: usize,
 }
 
 /// A file stored in a log.
@@ -69,6 +82,10 @@ pub struct Survey {
     pub topics: Vec<TopicSurvey>,
     /// Both cameras, if there are two.
     pub cameras: Option<CameraSkew>,
+    /// Whether the motors' torque or force was recorded; `None` without motors.
+    pub torque_recorded: Option<bool>,
+    /// The tracked point; `None` without `/tip`.
+    pub tip: Option<TipCounts>,
     /// Metadata record `session`.
     pub session: BTreeMap<String, String>,
     /// Stored files.
@@ -115,6 +132,8 @@ impl Survey {
             damage: walker.damage().cloned(),
             topics: streams.into_values().map(Stream::finish).collect(),
             cameras,
+            torque_recorded: None,
+            tip: None,
             session,
             attachments,
         };
@@ -128,7 +147,7 @@ impl Survey {
         self.topics.iter().find(|topic| topic.topic == name && topic.quality.messages > 0)
     }
 
-    /// Numbers that are not finite and messages that do not fit, in the topics that computations read. They need a whole file.
+    /// What computations will find in motors, joints and tip. It takes a whole file.
     fn look_into_numbers(&mut self) {
         let source = if self.topic(topics::RAVEN_STATE).is_some() {
             MotorSource::default()
@@ -137,6 +156,12 @@ impl Survey {
             MotorSource { topic, format, ..MotorSource::default() }
         };
         let Ok(recording) = Recording::read(&self.path, &source) else { return };
+        self.torque_recorded = recording.motor.as_ref().map(|motor| motor.effort.is_some());
+        if recording.topics.contains_key(topics::TIP) {
+            let count = |status| recording.tip.iter().filter(|tip| tip.status == status).count();
+            let (seen, occluded, jumped) = (count(TipStatus::Seen), count(TipStatus::Occluded), count(TipStatus::Jumped));
+            self.tip = Some(TipCounts { seen, occluded, jumped });
+        }
         for topic in &mut self.topics {
             if let Some(quality) = recording.quality.get(&topic.topic) {
                 topic.quality.non_finite = quality.non_finite;
@@ -164,6 +189,7 @@ struct Stream {
     stamps: Vec<Stamp>,
     without_stamp: usize,
     undecodable: usize,
+    last_frame: Option<u64>,
 }
 
 impl Stream {
@@ -175,10 +201,11 @@ impl Stream {
             schema_encoding: channel.schema.as_ref().map_or_else(String::new, |schema| schema.encoding.clone()),
             bytes: 0,
             truncated_frames: 0,
+            missing_frames: 0,
             rate_hz: None,
             quality: StreamQuality::default(),
         };
-        Self { survey, stamps: Vec::new(), without_stamp: 0, undecodable: 0 }
+        Self { survey, stamps: Vec::new(), without_stamp: 0, undecodable: 0, last_frame: None }
     }
 
     fn take(&mut self, reading: &Reading, message: &RawMessage<'_>) {
@@ -188,7 +215,13 @@ impl Stream {
         self.stamps.push(own.unwrap_or(message.publish_time));
         if let Some((side, decoder)) = &reading.frames {
             match decoder.decode(*side, message) {
-                Some(frame) => self.survey.truncated_frames += usize::from(frame.is_truncated()),
+                Some(frame) => {
+                    self.survey.truncated_frames += usize::from(frame.is_truncated());
+                    // A count that starts again is a new recording, not a loss.
+                    let jump = frame.sequence.zip(self.last_frame).and_then(|(now, before)| now.checked_sub(before + 1));
+                    self.survey.missing_frames += jump.unwrap_or(0);
+                    self.last_frame = frame.sequence;
+                }
                 None => self.undecodable += 1,
             }
         }

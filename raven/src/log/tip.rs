@@ -52,13 +52,13 @@ pub struct TipObservation {
     pub frame_id: String,
     /// Whether `position_m` may be used.
     pub status: TipStatus,
-    /// Marker centre in the raw (distorted) left image, u to the right, v down [px]; NaN where it was not seen or another tracker was used.
+    /// Marker centre in the raw (distorted) left image, u to the right, v down (px); NaN where it was not seen or another tracker was used.
     pub left_px: [f64; 2],
     /// The same in the right image.
     pub right_px: [f64; 2],
-    /// Tracked point in frame 0 [m]; NaN unless it was triangulated.
+    /// Tracked point in frame 0 (m); NaN unless it was triangulated.
     pub position_m: Vector3<f64>,
-    /// Covariance of `position_m` [m^2].
+    /// Covariance of `position_m` (m^2).
     pub covariance_m2: Matrix3<f64>,
 }
 

@@ -18,7 +18,7 @@ use crate::{Error, Result};
 /// What a camera's calibration says, for the log.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraInfo<'a> {
-    /// Columns and rows [px].
+    /// Columns and rows (px).
     pub size_px: [u32; 2],
     /// Row-major camera matrix of the raw image.
     pub camera_matrix: [f64; 9],

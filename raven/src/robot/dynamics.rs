@@ -28,23 +28,36 @@ pub struct LinkDynamics {
     inertia: [Matrix3<f64>; 3],
     gravity: Vector3<f64>,
     payload_kg: f64,
+    fixed: FixedParts,
+}
+
+/// What does not change with the pose: the filter evaluates the dynamics a hundred times per millisecond of log.
+#[derive(Debug, Clone, PartialEq)]
+struct FixedParts {
+    /// Sine and cosine of the first two twists.
+    twists: [(f64, f64); 2],
+    /// Rotation between frames 2 and 3: the insertion does not turn.
+    rotation_23: Matrix3<f64>,
+    /// Inertia of the first two links about the remote centre, in their own frames.
+    about_center: [Matrix3<f64>; 2],
 }
 
 impl LinkDynamics {
     /// From the links of the robot file and gravity in frame 0 [m/s^2].
     #[must_use]
     pub fn new(kinematics: Kinematics, links: [Link; 3], gravity: Vector3<f64>) -> Self {
-        Self {
-            kinematics,
-            mass: links.map(|l| l.mass),
-            center: links.map(|l| Vector3::from(l.center_of_mass)),
-            inertia: links.map(|l| {
-                let [xx, yy, zz, xy, xz, yz] = l.inertia;
-                Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-            }),
-            gravity,
-            payload_kg: 0.0,
-        }
+        let center = links.map(|l| Vector3::from(l.center_of_mass));
+        let inertia = links.map(|l| {
+            let [xx, yy, zz, xy, xz, yz] = l.inertia;
+            Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+        });
+        let [twist_1, twist_2, _] = kinematics.twists();
+        let fixed = FixedParts {
+            twists: [twist_1.sin_cos(), twist_2.sin_cos()],
+            rotation_23: kinematics.link_rotations(&Vector3::zeros())[2],
+            about_center: std::array::from_fn(|i| moved(&inertia[i], links[i].mass, &center[i])),
+        };
+        Self { kinematics, mass: links.map(|l| l.mass), center, inertia, gravity, payload_kg: 0.0, fixed }
     }
 
     /// The same links with a point mass [kg] at the tracked point.
@@ -57,7 +70,7 @@ impl LinkDynamics {
     /// Joint forces [N m, N m, N] for a motion: positions, velocities and accelerations in rad and m.
     #[must_use]
     pub fn inverse(&self, joint: &Vector3<f64>, rate: &Vector3<f64>, acceleration: &Vector3<f64>) -> Vector3<f64> {
-        self.recursion(&self.kinematics.link_rotations(joint), joint[2], rate, acceleration, &self.gravity)
+        self.recursion(&self.rotations(joint), joint[2], rate, acceleration)
     }
 
     /// Velocity and gravity terms `C(q, qd) + G(q)` [N m, N m, N].
@@ -66,38 +79,51 @@ impl LinkDynamics {
         self.inverse(joint, rate, &Vector3::zeros())
     }
 
-    /// Mass matrix `M(q)`, 3x3 [kg m^2, kg m, kg].
+    /// Mass matrix `M(q)`, 3x3 [kg m^2, kg m, kg], from the composite inertias about the remote centre.
     #[must_use]
     pub fn mass_matrix(&self, joint: &Vector3<f64>) -> Matrix3<f64> {
-        let rotations = self.kinematics.link_rotations(joint);
-        let column = |j: usize| {
-            let unit = Vector3::from_fn(|i, _| f64::from(u8::from(i == j)));
-            self.recursion(&rotations, joint[2], &Vector3::zeros(), &unit, &Vector3::zeros())
-        };
-        Matrix3::from_columns(&[column(0), column(1), column(2)])
+        self.composite(&self.rotations(joint), joint[2])
     }
 
-    /// Accelerations [rad/s^2, rad/s^2, m/s^2] under joint forces [N m, N m, N].
+    fn composite(&self, [_, r12, r23]: &[Matrix3<f64>; 3], insertion_m: f64) -> Matrix3<f64> {
+        let z = Vector3::z();
+        let center_3 = self.center[2] + z * insertion_m;
+        let payload = z * (insertion_m + self.kinematics.wrist_offset);
+        let about_3 = moved(&self.inertia[2], self.mass[2], &center_3) + moved(&Matrix3::zeros(), self.payload_kg, &payload);
+        let about_2 = self.fixed.about_center[1] + r23 * about_3 * r23.transpose();
+        // Joint axes 1 and 2 in frame 2, axis 3 and the first moment of what slides along it likewise.
+        let axis_1: Vector3<f64> = r12.row(2).transpose();
+        let axis_3: Vector3<f64> = r23.column(2).into();
+        let moment_3 = r23 * (center_3 * self.mass[2] + payload * self.payload_kg);
+        let inertia_1 = about_2 * axis_1;
+        let sliding = moment_3.cross(&axis_3);
+        let (m11, m12) = (self.fixed.about_center[0][(2, 2)] + axis_1.dot(&inertia_1), inertia_1.z);
+        let (m13, m23) = (axis_1.dot(&sliding), sliding.z);
+        Matrix3::new(m11, m12, m13, m12, about_2[(2, 2)], m23, m13, m23, self.mass[2] + self.payload_kg)
+    }
+
+    /// [`Self::mass_matrix`] and [`Self::bias`] in one go.
     #[must_use]
-    pub fn forward(&self, joint: &Vector3<f64>, rate: &Vector3<f64>, force: &Vector3<f64>) -> Vector3<f64> {
-        let net = force - self.bias(joint, rate);
-        // The mass matrix of links with positive mass and inertia is positive definite; a file without it is refused when read.
-        self.mass_matrix(joint).cholesky().map_or_else(|| Vector3::repeat(f64::NAN), |m| m.solve(&net))
+    pub fn mass_and_bias(&self, joint: &Vector3<f64>, rate: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+        let rotations = self.rotations(joint);
+        (self.composite(&rotations, joint[2]), self.recursion(&rotations, joint[2], rate, &Vector3::zeros()))
     }
 
-    fn recursion(
-        &self,
-        rotations: &[Matrix3<f64>; 3],
-        insertion_m: f64,
-        rate: &Vector3<f64>,
-        acceleration: &Vector3<f64>,
-        gravity: &Vector3<f64>,
-    ) -> Vector3<f64> {
+    fn rotations(&self, joint: &Vector3<f64>) -> [Matrix3<f64>; 3] {
+        let [theta_1, theta_2, _] = self.kinematics.thetas(joint);
+        let turn = |(sin_twist, cos_twist): (f64, f64), theta: f64| {
+            let (s, c) = theta.sin_cos();
+            Matrix3::new(c, -s, 0.0, s * cos_twist, c * cos_twist, -sin_twist, s * sin_twist, c * sin_twist, cos_twist)
+        };
+        [turn(self.fixed.twists[0], theta_1), turn(self.fixed.twists[1], theta_2), self.fixed.rotation_23]
+    }
+
+    fn recursion(&self, rotations: &[Matrix3<f64>; 3], insertion_m: f64, rate: &Vector3<f64>, acceleration: &Vector3<f64>) -> Vector3<f64> {
         let z = Vector3::z();
         let mut omega = Vector3::zeros();
         let mut alpha = Vector3::zeros();
         // Gravity as an acceleration of the base.
-        let mut linear = -gravity;
+        let mut linear = -self.gravity;
         let mut forces = [Vector3::zeros(); 3];
         let mut moments = [Vector3::zeros(); 3];
         for i in 0..3 {
@@ -128,4 +154,9 @@ impl LinkDynamics {
         let moment_1 = moments[0] + rotations[1] * moment_2;
         Vector3::new(moment_1.z, moment_2.z, forces[2].z)
     }
+}
+
+/// Inertia about a point from which the centre of mass is seen at `center` (Steiner).
+fn moved(inertia: &Matrix3<f64>, mass_kg: f64, center: &Vector3<f64>) -> Matrix3<f64> {
+    inertia + (Matrix3::identity() * center.norm_squared() - center * center.transpose()) * mass_kg
 }

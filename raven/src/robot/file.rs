@@ -359,7 +359,8 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
     within(&key("gear_ratio"), joint.gear_ratio, [1e-3, 1e4], "1", "the inverse ratio")?;
     let radius_max = if arm { 0.5 } else { 1.0 };
     within(&key("motor_capstan_radius"), joint.motor_capstan_radius, [1e-4, radius_max], "m", "millimetres")?;
-    let link_max = if arm && joint.kind == JointType::Revolute { 0.5 } else { 1.0 };
+    // A prismatic joint has 1 by definition, and what identification makes of it.
+    let link_max = if arm && joint.kind == JointType::Revolute { 0.5 } else { 1.5 };
     within(&key("link_pulley_radius"), joint.link_pulley_radius, [1e-4, link_max], "m", "millimetres")?;
     let (position_max, unit, meant) = match joint.kind {
         JointType::Revolute => (2.0 * std::f64::consts::PI, "rad", "degrees"),

@@ -60,14 +60,14 @@ impl Kinematics {
         self.gravity
     }
 
-    fn twists(&self) -> [f64; 3] {
+    pub(super) fn twists(&self) -> [f64; 3] {
         match self.arm {
             ArmSide::Gold => [0.0, self.link_angle_12, PI - self.link_angle_23],
             ArmSide::Green => [PI, self.link_angle_12, self.link_angle_23],
         }
     }
 
-    fn thetas(&self, joint: &Vector3<f64>) -> [f64; 3] {
+    pub(super) fn thetas(&self, joint: &Vector3<f64>) -> [f64; 3] {
         let (offset1, offset2, theta3) = self.angle_offsets();
         [joint[0] + offset1, joint[1] + offset2, theta3]
     }

@@ -1,0 +1,158 @@
+//! What a recording says against the robot model: at the joints, at the tip, and against the controller's own joint angles.
+
+use nalgebra::Vector3;
+use raven::log::Recording;
+use raven::observation::three_joints;
+use raven::robot::{Arm, LinkModel, Robot};
+use raven::{Error, Result};
+
+/// Residuals of one channel over time.
+#[derive(Debug, Clone, Default)]
+pub struct Residuals {
+    /// [s].
+    pub time_s: Vec<f64>,
+    /// Measured less modelled, cables and links included [rad or m].
+    pub error: Vec<f64>,
+    /// Measured less transmission kinematics, which is what the controller believes [rad or m].
+    pub rigid_error: Vec<f64>,
+    /// Standard deviation of the measurement's noise [rad or m].
+    pub noise: Vec<f64>,
+    /// Velocity of the joint by the model [rad/s or m/s].
+    pub rate: Vec<f64>,
+}
+
+/// Residuals of all channels of a recording.
+#[derive(Debug, Clone, Default)]
+pub struct Channels {
+    /// One per joint; empty where nothing measures the joints.
+    pub joints: Vec<Residuals>,
+    /// Distance of the tip from where the model has it; empty without a tip.
+    pub tip: Residuals,
+    /// Largest difference between the controller's logged joint angles and this file's transmission kinematics.
+    pub controller_difference: Option<Vec<f64>>,
+    /// Tips that the kinematics cannot reach and that could not be used.
+    pub unreachable: usize,
+}
+
+/// Residuals of `recording` against `robot`.
+///
+/// # Errors
+/// If the log lacks motor angles, or neither a tip nor joint encoders nor the controller's angles can be compared with them.
+pub fn channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
+    let mut channels = match robot.arm() {
+        Ok(arm) => arm_channels(recording, robot, &arm)?,
+        Err(_) => bench_channels(recording, robot)?,
+    };
+    if channels.joints.is_empty() && channels.controller_difference.is_none() {
+        let message =
+            "has motor angles but neither /tip, /joint_encoders nor the controller's joint angles: there is nothing to compare them with.";
+        return Err(Error::file(&recording.path, message));
+    }
+    for residuals in channels.joints.iter_mut().chain([&mut channels.tip]) {
+        drop_non_finite(residuals);
+    }
+    Ok(channels)
+}
+
+fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Channels> {
+    let motor = recording.motor_track()?;
+    let mut channels = Channels { controller_difference: controller_difference(recording, arm)?, ..Channels::default() };
+    if recording.tip.is_empty() {
+        return Ok(channels);
+    }
+    let tips = recording.tips(arm, &robot.observation)?;
+    let times: Vec<f64> = tips.iter().map(|tip| tip.time_s).collect();
+    let states = LinkModel::new(arm.clone()).rollout(&motor, &times);
+    channels.joints = vec![Residuals::default(); 3];
+    for (tip, state) in tips.iter().zip(&states) {
+        let Some(state) = state else { continue };
+        let Some((angle, _)) = motor.at(tip.time_s) else { continue };
+        let rigid = arm.transmission.joint_from_motor(&angle);
+        let away = |joint: &Vector3<f64>| (tip.position - arm.kinematics.forward(joint)).norm();
+        channels.tip.push(tip.time_s, [away(&state.position), away(&rigid)], tip.covariance.trace().sqrt(), state.rate.norm());
+        let seen = arm.kinematics.inverse(&tip.position, arm.kinematics.branch(&state.position));
+        let slope = seen.and_then(|joint| arm.kinematics.jacobian(&joint).try_inverse());
+        let Some((joint, slope)) = seen.zip(slope) else {
+            channels.unreachable += 1;
+            continue;
+        };
+        let covariance = slope * tip.covariance * slope.transpose();
+        for (j, residuals) in channels.joints.iter_mut().enumerate() {
+            let errors = [joint[j] - state.position[j], joint[j] - rigid[j]];
+            residuals.push(tip.time_s, errors, covariance[(j, j)].sqrt(), state.rate[j]);
+        }
+    }
+    Ok(channels)
+}
+
+fn bench_channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
+    let motor = recording.require_motor()?;
+    let Some(encoders) = &recording.joint_encoders else {
+        return Err(Error::file(
+            &recording.path,
+            "has no /joint_encoders: on a bench they are the joint side, and there is no gap to see without it.",
+        ));
+    };
+    let mut channels = Channels::default();
+    for (j, joint) in robot.joints.iter().enumerate() {
+        let Some(angles) = motor.position.get(j).filter(|_| j < encoders.position.len()) else {
+            let message = format!(
+                "has {} motors and {} joint encoders, but the robot file names joint {} (`{}`).",
+                motor.position.len(),
+                encoders.position.len(),
+                j + 1,
+                joint.name
+            );
+            return Err(Error::file(&recording.path, message));
+        };
+        let modelled: Vec<f64> = angles.iter().map(|angle| joint.hard_stop + angle / joint.ratio()).collect();
+        let mut residuals = Residuals::default();
+        for k in 1..modelled.len().saturating_sub(1) {
+            let time_s = motor.time_s[k];
+            let rate = (modelled[k + 1] - modelled[k - 1]) / (motor.time_s[k + 1] - motor.time_s[k - 1]);
+            if let Some(measured) = encoders.interpolate(j, time_s) {
+                // Nothing in such a log says how noisy its encoder is.
+                residuals.push(time_s, [measured - modelled[k]; 2], 0.0, rate);
+            }
+        }
+        channels.joints.push(residuals);
+    }
+    Ok(channels)
+}
+
+fn controller_difference(recording: &Recording, arm: &Arm) -> Result<Option<Vec<f64>>> {
+    let Some(logged) = &recording.controller_joints else { return Ok(None) };
+    let (motor, logged) = (recording.motor_track()?, three_joints(logged, recording)?);
+    let largest = motor.angle.iter().zip(&logged).fold(Vector3::zeros(), |largest: Vector3<f64>, (angle, joint)| {
+        largest.sup(&(arm.transmission.joint_from_motor(angle) - joint).abs())
+    });
+    Ok(Some(largest.as_slice().to_vec()))
+}
+
+fn drop_non_finite(residuals: &mut Residuals) {
+    let keep: Vec<bool> = (0..residuals.error.len()).map(|k| residuals.error[k].is_finite() && residuals.noise[k].is_finite()).collect();
+    for column in residuals.columns() {
+        let mut flags = keep.iter();
+        column.retain(|_| flags.next().copied().unwrap_or(false));
+    }
+}
+
+impl Residuals {
+    fn push(&mut self, time_s: f64, [error, rigid_error]: [f64; 2], noise: f64, rate: f64) {
+        for (column, value) in self.columns().into_iter().zip([time_s, error, rigid_error, noise, rate]) {
+            column.push(value);
+        }
+    }
+
+    /// Adds the residuals of another recording.
+    pub fn extend(&mut self, other: &Self) {
+        let mut other = other.clone();
+        for (column, more) in self.columns().into_iter().zip(other.columns()) {
+            column.append(more);
+        }
+    }
+
+    fn columns(&mut self) -> [&mut Vec<f64>; 5] {
+        [&mut self.time_s, &mut self.error, &mut self.rigid_error, &mut self.noise, &mut self.rate]
+    }
+}

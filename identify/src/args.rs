@@ -1,0 +1,126 @@
+//! The command line.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Parser, Subcommand, ValueEnum};
+use raven::{Error, Result};
+
+const EXAMPLES: &str = "\
+Examples:
+  raven-identify tracked.mcap --robot robot.yaml --cameras cameras.yaml -o identified.yaml
+  raven-identify export identified.yaml --format r2params --base r2params.yaml -o r2params_calibrated.yaml
+  raven-identify day1.mcap day2.mcap --robot robot.yaml --cameras cameras.yaml --parameters r_l,offset,latency -o identified.yaml
+
+Parameters: r_l1..3, offset_1..3, coupling_12, coupling_13, coupling_23, k_e1..3, F_c1..3, latency, rotation_x..z,
+translation_x..z; the groups r_l, offset, coupling, k_e, F_c, registration; all.";
+
+/// Identifies kinematic and cable parameters from recordings
+#[derive(Debug, Clone, Parser)]
+#[command(name = "raven-identify", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+pub struct Args {
+    /// Something else than an identification.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Identification.
+    #[command(flatten)]
+    pub identify: Identify,
+}
+
+/// What else the program does.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Command {
+    /// Writes what the robot's controller loads
+    Export(Export),
+}
+
+/// Arguments of an export.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Export {
+    /// Robot file that raven-identify wrote
+    #[arg(value_name = "IDENTIFIED")]
+    pub identified: PathBuf,
+    /// What to write
+    #[arg(long, value_enum)]
+    pub format: Format,
+    /// The lab's own r2params.yaml, whose other lines stay as they are
+    #[arg(long, value_name = "FILE")]
+    pub base: Option<PathBuf>,
+    /// File to write; what was there is kept as FILE.old; - for standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// What the controller loads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// The controller's parameter file with the calibrated lists added
+    R2params,
+    /// A C header that overrides the controller's constants
+    Defines,
+    /// All numbers under neutral names for the parameter server
+    Rosparam,
+}
+
+/// Arguments of an identification.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Identify {
+    /// Recordings with the robot's messages and the tracked tip
+    #[arg(value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Robot file to start from
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Camera file: how well the registration is known
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// How to estimate
+    #[arg(long, value_enum, default_value_t = Method::Batch)]
+    pub method: Method,
+    /// What to look for, separated by commas [default: r_l1, latency, with hard stops and registration along within tolerance]
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    pub parameters: Option<Vec<String>>,
+    /// Robot file to write
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Result for scripts; - for standard output
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// How the parameters are estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Method {
+    /// All sightings at once
+    Batch,
+}
+
+impl Method {
+    /// As the robot file names it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Batch => "batch",
+        }
+    }
+}
+
+impl Identify {
+    /// The robot file.
+    ///
+    /// # Errors
+    /// If none is given.
+    pub fn robot(&self) -> Result<&Path> {
+        self.robot.as_deref().ok_or_else(|| Error::Argument("--robot is missing: the robot file to start from.".to_owned()))
+    }
+
+    /// The logs.
+    ///
+    /// # Errors
+    /// If none is given.
+    pub fn logs(&self) -> Result<&[PathBuf]> {
+        if self.logs.is_empty() {
+            return Err(Error::Argument("no log is given; name at least one tracked recording.".to_owned()));
+        }
+        Ok(&self.logs)
+    }
+}

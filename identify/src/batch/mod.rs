@@ -1,0 +1,112 @@
+//! Batch estimation: all sightings at once, the most probable values, and how well they are known.
+//!
+//! What the log does not determine goes back to its prior: an unknown of the robot whose posterior deviation is more than half of its
+//! prior one is not identified. The worst of them is held at its prior and the rest estimated again, until all that is left is
+//! identified, so that the numbers written together belong together; the deviations then carry the held ones' uncertainty. Corrections
+//! of the registration are never held: they are nothing the controller loads, and without them the robot would have to make up for a
+//! turned camera.
+
+mod covariance;
+mod gauss_newton;
+mod robust;
+
+use nalgebra::{DVector, Vector3};
+use raven::Result;
+
+use covariance::Curvature;
+use gauss_newton::{jacobian, minimize};
+
+/// Ratio of posterior to prior deviation above which a log has not determined a quantity.
+pub const IDENTIFIED_BELOW: f64 = 0.5;
+/// Relative change of the tempering that is worth another estimation, and how often.
+const TEMPERING_SETTLED: f64 = 0.1;
+const TEMPERINGS_MAX: usize = 4;
+
+/// A problem with whitened three-dimensional residuals in unknowns of which each has the prior `N(0, 1)`.
+pub trait Residuals: Sync {
+    /// Number of unknowns.
+    fn unknowns(&self) -> usize;
+
+    /// Residuals at `z`, of unit covariance if model and noise are as believed.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated.
+    fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>>;
+
+    /// The block of time of each residual, counted from 0 without holes; residuals within one may be alike.
+    fn blocks(&self) -> Vec<usize>;
+}
+
+/// What a batch found out, per unknown in units of its prior deviation.
+#[derive(Debug, Clone)]
+pub struct Estimate {
+    /// Most probable values; 0 where held.
+    pub z: DVector<f64>,
+    /// Standard deviations; of a held unknown what the log left of its prior's.
+    pub std: Vec<f64>,
+    /// Whether the log determined it.
+    pub identified: Vec<bool>,
+    /// Whitened residuals at the estimate.
+    pub residuals: Vec<Vector3<f64>>,
+    /// By how much the residuals exceed their covariance, at least 1.
+    pub scale: f64,
+    /// By how much residuals of one block are alike: information was divided by it. At least 1.
+    pub tempering: f64,
+}
+
+/// Estimates; unknowns of which `may_hold` is false are kept free even if they are not identified.
+///
+/// # Errors
+/// If the model cannot be evaluated or the estimation does not settle.
+pub fn estimate(problem: &impl Residuals, may_hold: &[bool]) -> Result<Estimate> {
+    let n = problem.unknowns();
+    let block = problem.blocks();
+    let mut std = vec![1.0; n];
+    let mut free: Vec<usize> = (0..n).collect();
+    let mut held = Vec::new();
+    let mut z = DVector::zeros(n);
+    let mut tempering = 1.0;
+    loop {
+        let (minimum, curvature) = tempered(problem, &free, &block, &mut tempering, &z)?;
+        z.clone_from(&minimum.z);
+        for (&k, deviation) in free.iter().zip(curvature.std(&free, &held)) {
+            std[k] = deviation;
+        }
+        let lost = |k: &usize| may_hold[*k] && std[*k] > IDENTIFIED_BELOW;
+        let worst = free.iter().copied().filter(lost).max_by(|&a, &b| std[a].total_cmp(&std[b]));
+        let Some(worst) = worst else {
+            let identified = (0..n).map(|k| !held.contains(&k) && std[k] <= IDENTIFIED_BELOW).collect();
+            return Ok(Estimate { z, std, identified, residuals: minimum.residuals, scale: minimum.loss.scale, tempering });
+        };
+        free.retain(|&k| k != worst);
+        held.push(worst);
+    }
+}
+
+/// A minimum whose tempering is that of its own residuals.
+fn tempered(
+    problem: &impl Residuals,
+    free: &[usize],
+    block: &[usize],
+    tempering: &mut f64,
+    start: &DVector<f64>,
+) -> Result<(gauss_newton::Minimum, Curvature)> {
+    let mut start = start.clone();
+    let all: Vec<usize> = (0..problem.unknowns()).collect();
+    let mut round = 0;
+    loop {
+        let minimum = minimize(problem, free, *tempering, &start)?;
+        let jacobian = jacobian(problem, &minimum.z, &all)?;
+        let curvature = Curvature::new(&minimum, &jacobian, block, *tempering);
+        let wanted = (*tempering * curvature.overdispersion(free)).max(1.0);
+        round += 1;
+        if (wanted / *tempering - 1.0).abs() <= TEMPERING_SETTLED || round == TEMPERINGS_MAX {
+            return Ok((minimum, curvature));
+        }
+        *tempering = wanted;
+        start.clone_from(&minimum.z);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,160 @@
+//! What may leave the house: the constants before and after, and what each change rests on.
+
+use std::path::Path;
+
+use raven::robot::{Provenance, Robot};
+use raven::{Error, Result};
+
+use super::constants::{COUPLINGS, Constants};
+use crate::args::Format;
+use crate::batch::IDENTIFIED_BELOW;
+
+/// How far a pulley may be from its drawing: cable and groove wear give a few per cent, another robot's pulley more.
+const RADIUS_OFF: f64 = 0.15;
+/// How far hard stops may be from the believed ones [rad, rad, m]; two arms of one lab differed by 6.75 deg.
+const HARD_STOP_OFF: [f64; 3] = [0.262, 0.262, 0.03];
+/// How far couplings may be from the computed ones [rad/rad, m/rad, m/rad].
+const COUPLING_OFF: [f64; 3] = [0.15, 0.03, 0.03];
+
+/// The controller's constants before and after, and where the changes come from.
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    /// What the controller has.
+    pub before: Constants,
+    /// What it should have.
+    pub after: Constants,
+    /// The numbers that logs determined, the newest of each.
+    pub identified: Vec<Provenance>,
+    /// Those that were looked for and stay as they were.
+    undetermined: Vec<String>,
+}
+
+impl Calibration {
+    /// Of the robot file at `path`.
+    ///
+    /// # Errors
+    /// If nothing was identified, a number changed without having been, or a number is not one the hardware can have.
+    pub fn new(path: &Path, robot: &Robot) -> Result<Self> {
+        let refuse = |message: String| Err(Error::file(path, message));
+        let mut file = robot.clone();
+        let mut identified: Vec<Provenance> = Vec::new();
+        let mut undetermined = Vec::new();
+        let mut seen: Vec<&str> = Vec::new();
+        for entry in &robot.calibration {
+            if seen.contains(&entry.key.as_str()) {
+                continue;
+            }
+            seen.push(&entry.key);
+            let Some(value) = file.value_mut(&entry.key).copied() else {
+                return refuse(format!("calibration names {}, which the file does not have; identify anew.", entry.key));
+            };
+            let determined = entry.identified && entry.std <= IDENTIFIED_BELOW * entry.prior_std;
+            let name = format!("{} ({})", entry.parameter, entry.key);
+            if determined && value != entry.value {
+                return refuse(format!("{name} is {value}, but its calibration found {}; identify anew.", entry.value));
+            }
+            if determined {
+                identified.push(entry.clone());
+                continue;
+            }
+            // Corrections of the registration stay fitted whatever the log says; they are nothing the controller has.
+            if value != entry.prior && !entry.key.starts_with("observation.") {
+                return refuse(format!(
+                    "{name} was not identified ({} is left of a deviation of {} {}), yet it is {value} and not the {} from before; \
+                     put that back, or identify from a log with more motion.",
+                    entry.std, entry.prior_std, entry.unit, entry.prior
+                ));
+            }
+            let left = 100.0 * entry.std / entry.prior_std;
+            undetermined.push(format!("{} was not identified (the log left {left:.0} % of its deviation)", entry.parameter));
+        }
+        if identified.is_empty() {
+            let reasons = if undetermined.is_empty() { "it has no calibration".to_owned() } else { undetermined.join("; ") };
+            return refuse(format!("there is nothing to export: {reasons}. Run raven-identify on a log with more motion."));
+        }
+        let (before, after) = (Constants::new(&robot.before_calibration())?, Constants::new(robot)?);
+        possible(&before, &after).map_err(|message| Error::file(path, message))?;
+        Ok(Self { before, after, identified, undetermined })
+    }
+
+    /// The finding behind a key of the robot file.
+    #[must_use]
+    pub fn finding(&self, key: &str) -> Option<&Provenance> {
+        self.identified.iter().find(|entry| entry.key == key)
+    }
+
+    /// Logs that the findings rest on, with their SHA-256, each once.
+    #[must_use]
+    pub fn logs(&self) -> Vec<(&str, &str)> {
+        let mut logs = Vec::new();
+        for entry in &self.identified {
+            for log in entry.logs.iter().zip(&entry.sha256).map(|(name, hash)| (name.as_str(), hash.as_str())) {
+                if !logs.contains(&log) {
+                    logs.push(log);
+                }
+            }
+        }
+        logs
+    }
+
+    /// Sentences about what a format does not carry.
+    #[must_use]
+    pub fn left_out(&self, format: Format) -> Vec<String> {
+        let mut sentences: Vec<String> = self.undetermined.iter().map(|what| format!("{what}; the number from before stays.")).collect();
+        let carried = |key: &str| key.ends_with(".link_pulley_radius") || key.ends_with(".hard_stop") || key.starts_with("cable_coupling.");
+        if format != Format::Rosparam {
+            let without: Vec<&str> = self.identified.iter().filter(|e| !carried(&e.key)).map(|e| e.parameter.as_str()).collect();
+            if !without.is_empty() {
+                sentences.push(format!("the controller has no constant for {}; they are not in this file.", without.join(", ")));
+            }
+        }
+        if format == Format::Defines && self.before.hard_stop != self.after.hard_stop {
+            sentences.push("all arms share the constants of the hard stops: the header moves the other arm's too.".to_owned());
+        }
+        if format == Format::Defines && self.before.coupling != self.after.coupling {
+            sentences.push("all arms share the coupling constants: the header changes the other arm's too.".to_owned());
+        }
+        sentences
+    }
+}
+
+/// Refuses what no such hardware has.
+fn possible(before: &Constants, after: &Constants) -> Result<(), String> {
+    for j in 0..3 {
+        let joint = &after.joints[j];
+        let radius = after.link_radius[j] / before.link_radius[j] - 1.0;
+        if !(radius.abs() <= RADIUS_OFF) {
+            return Err(format!(
+                "joints.{joint}.link_pulley_radius is {}, {:+.1} % from {}; more than {:.0} % is no pulley of this robot. Look at gear \
+                 ratio, capstan and registration.",
+                after.link_radius[j],
+                100.0 * radius,
+                before.link_radius[j],
+                100.0 * RADIUS_OFF
+            ));
+        }
+        let ratio = after.ratio[j] / before.ratio[j] - 1.0;
+        if !(ratio.abs() <= RADIUS_OFF) {
+            return Err(format!(
+                "the transmission ratio of {joint} is {:+.1} % from before; that is no transmission of this robot.",
+                100.0 * ratio
+            ));
+        }
+        let stop = after.hard_stop[j] - before.hard_stop[j];
+        if !(stop.abs() <= HARD_STOP_OFF[j]) {
+            return Err(format!(
+                "joints.{joint}.hard_stop is {}, {stop:+.3} from before; more than {} is no hard stop of this robot. Was it homed?",
+                after.hard_stop[j], HARD_STOP_OFF[j]
+            ));
+        }
+        let coupling = after.coupling[j] - before.coupling[j];
+        if !(coupling.abs() <= COUPLING_OFF[j]) {
+            let (from, to) = COUPLINGS[j];
+            return Err(format!(
+                "cable_coupling from {} to {} is {}, {coupling:+.4} from before; more than {} is no cable routing of this robot.",
+                after.joints[from], after.joints[to], after.coupling[j], COUPLING_OFF[j]
+            ));
+        }
+    }
+    Ok(())
+}

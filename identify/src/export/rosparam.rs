@@ -1,0 +1,46 @@
+//! All calibrated numbers for the ROS parameter server, SI units, under `/raven_calibration/ARM`.
+
+use std::fmt::Write as _;
+
+use raven::files::{yaml_float, yaml_list, yaml_string};
+use raven::robot::Robot;
+
+use super::calibration::Calibration;
+
+/// The text of the file: what `rosparam load` takes.
+#[must_use]
+pub fn yaml(robot: &Robot, calibration: &Calibration) -> String {
+    let after = &calibration.after;
+    let mut text = format!("# Calibrated Raven-II, {} arm: SI units, motor angles per joint motion.\n", after.arm_name());
+    let _ = writeln!(text, "raven_calibration:\n  {}:\n    robot: {}", after.arm_name(), yaml_string(&robot.name));
+    for (j, joint) in robot.joints.iter().take(3).enumerate() {
+        let _ = writeln!(text, "    {}:", joint.name);
+        let mut key = |name: &str, value: f64| {
+            let _ = writeln!(text, "      {name}: {}", yaml_float(value));
+        };
+        key("transmission_ratio", after.ratio[j]);
+        key("gear_ratio", joint.gear_ratio);
+        key("motor_capstan_radius", joint.motor_capstan_radius);
+        key("link_pulley_radius", joint.link_pulley_radius);
+        key("hard_stop", joint.hard_stop);
+        if let Some(cable) = joint.cable {
+            key("cable_stiffness", cable.stiffness);
+            key("cable_damping", cable.damping);
+        }
+        if let Some(friction) = joint.link_friction {
+            key("coulomb_friction", friction.coulomb);
+            key("viscous_friction", friction.viscous);
+        }
+    }
+    let _ = writeln!(text, "    cable_coupling: {}  # C01 [rad/rad], C02, C12 [m/rad]", yaml_list(&after.coupling));
+    let _ = writeln!(text, "    camera_latency: {}", yaml_float(robot.observation.latency));
+    text.push_str("    identified:  # value and standard deviation\n");
+    for entry in &calibration.identified {
+        let _ = writeln!(text, "      {}: {}", entry.parameter, yaml_list(&[entry.value, entry.std]));
+    }
+    text.push_str("    logs:\n");
+    for (name, sha256) in calibration.logs() {
+        let _ = writeln!(text, "      - {{name: {}, sha256: {}}}", yaml_string(name), yaml_string(sha256));
+    }
+    text
+}

@@ -1,0 +1,10 @@
+//! `raven-identify`: kinematic and cable parameters from recordings, and what the controller loads of them.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use raven_identify::{Args, run};
+
+fn main() -> ExitCode {
+    raven::cli::exit(run(&Args::parse(), &mut std::io::stdout().lock()))
+}

@@ -1,0 +1,182 @@
+//! The result as people read it and as scripts do.
+
+use std::fmt::Write as _;
+
+use nalgebra::Vector3;
+use raven::robot::Robot;
+use raven::stats::chi_square_quantile;
+use serde::Serialize;
+
+use crate::batch::Estimate;
+use crate::identified::Finding;
+use crate::parameters::Quantity;
+
+/// Chance that a good sighting is taken for a false one.
+const FALSE_CHANCE: f64 = 1e-6;
+/// Mean normalised square above which the model lacks something: twice what noise alone gives.
+const NIS_HIGH: f64 = 6.0;
+/// Prior deviations beyond which an estimate contradicts what was known.
+const CONTRADICTION: f64 = 3.0;
+
+/// What `--json` writes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// One per estimated number.
+    pub parameters: Vec<Line>,
+    /// Mean of the sightings' squared residuals, normalised by their covariance; 3 if the model explains all but the noise.
+    pub nis_mean: f64,
+    /// Sightings used.
+    pub sightings: usize,
+    /// Of these, the ones so far off that they count as false.
+    pub outliers: usize,
+    /// By how much residuals within two seconds are alike: the information counts for so much less.
+    pub overdispersion: f64,
+    /// Length of the logs [s].
+    pub log_seconds: f64,
+    /// Time spent, reading included [s].
+    pub seconds: f64,
+    /// Log seconds per second spent.
+    pub realtime_factor: f64,
+}
+
+/// One parameter, in the SI units of the robot file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Line {
+    /// Name.
+    pub name: String,
+    /// Joint, `shoulder->elbow` for a coupling, null for the cameras.
+    pub joint: Option<String>,
+    /// Unit of the four numbers.
+    pub unit: &'static str,
+    /// Value; the prior's, if a number of the robot was not identified.
+    pub value: f64,
+    /// Standard deviation.
+    pub std: f64,
+    /// Value before.
+    pub prior: f64,
+    /// Standard deviation before.
+    pub prior_std: f64,
+    /// Whether the logs determined it.
+    pub identified: bool,
+    #[serde(skip)]
+    shown: (&'static str, f64),
+    #[serde(skip)]
+    quantity: Quantity,
+    #[serde(skip)]
+    along: bool,
+}
+
+impl Report {
+    /// Of findings about `robot`, after `seconds` of work on `log_seconds`.
+    #[must_use]
+    pub fn new(robot: &Robot, findings: &[Finding], estimate: &Estimate, log_seconds: f64, seconds: f64) -> Self {
+        let line = |finding: &Finding| Line {
+            name: finding.unknown.quantity.name(),
+            joint: finding.unknown.quantity.joint(robot),
+            unit: finding.unknown.quantity.unit(robot),
+            value: finding.value,
+            std: finding.std,
+            prior: finding.unknown.prior,
+            prior_std: finding.unknown.prior_std(),
+            identified: finding.identified,
+            shown: finding.unknown.quantity.shown(robot),
+            quantity: finding.unknown.quantity,
+            along: !finding.unknown.named,
+        };
+        let limit = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY) * estimate.scale.powi(2);
+        let squares: Vec<f64> = estimate.residuals.iter().map(Vector3::norm_squared).collect();
+        let good: Vec<f64> = squares.iter().copied().filter(|&s| s <= limit).collect();
+        Self {
+            parameters: findings.iter().map(line).collect(),
+            nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
+            sightings: squares.len(),
+            outliers: squares.len() - good.len(),
+            overdispersion: estimate.tempering,
+            log_seconds,
+            seconds,
+            realtime_factor: log_seconds / seconds,
+        }
+    }
+
+    /// The table.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let mut text = format!(
+            "{:<14} {:<17} {:>12} {:>9} {:<7} {:>12} {:>9} {:>9}  {}\n",
+            "parameter", "joint", "value", "std", "unit", "before", "std", "change", "identified"
+        );
+        for line in &self.parameters {
+            let (unit, factor) = line.shown;
+            let decimals = decimals(line.std * factor);
+            let number = |v: f64| format!("{:.decimals$}", v * factor);
+            let _ = writeln!(
+                text,
+                "{:<14} {:<17} {:>12} {:>9} {:<7} {:>12} {:>9} {:>9}  {}",
+                line.name,
+                line.joint.as_deref().unwrap_or("-"),
+                number(line.value),
+                number(line.std),
+                unit,
+                number(line.prior),
+                number(line.prior_std),
+                line.change(),
+                if line.identified { "yes" } else { "no" },
+            );
+        }
+        let _ = writeln!(
+            text,
+            "{} sightings in {:.1} s, {} of them false; mean NIS {:.2} (3 is noise alone); {:.2} s, {:.0} times real time",
+            self.sightings, self.log_seconds, self.outliers, self.nis_mean, self.seconds, self.realtime_factor
+        );
+        text
+    }
+
+    /// What a reader should be told beside the table.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for line in self.parameters.iter().filter(|line| line.along) {
+            let off = (line.value - line.prior).abs() / line.prior_std;
+            if off > CONTRADICTION && matches!(line.quantity, Quantity::HardStop(_) | Quantity::Rotation(_) | Quantity::Translation(_)) {
+                warnings.push(format!(
+                    "{} is {off:.0} standard deviations from what the files say of it; name it in --parameters, or look at the \
+                     registration and the hard stop.",
+                    line.name
+                ));
+            }
+        }
+        if self.nis_mean > NIS_HIGH {
+            warnings.push(format!(
+                "the residuals are {:.1} times what the tip's covariance says: the model lacks something that `raven-diagnose` may name.",
+                (self.nis_mean / 3.0).sqrt()
+            ));
+        }
+        warnings
+    }
+}
+
+impl Line {
+    /// Relative change, where there was something to be relative to.
+    fn change(&self) -> String {
+        match self.quantity {
+            Quantity::Latency | Quantity::Rotation(_) | Quantity::Translation(_) | Quantity::HardStop(_) => "-".to_owned(),
+            _ if self.prior == 0.0 => "-".to_owned(),
+            _ => format!("{:+.2} %", (self.value / self.prior - 1.0) * 100.0),
+        }
+    }
+}
+
+/// Decimals that show two digits of a deviation.
+fn decimals(deviation: f64) -> usize {
+    if deviation.is_normal() { (1.0 - deviation.abs().log10().floor()).clamp(0.0, 6.0) as usize } else { 3 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_digits_of_the_deviation() {
+        assert_eq!([0.0181, 1.81, 181.0, 0.0, 1e-12].map(decimals), [3, 1, 0, 3, 6]);
+    }
+}

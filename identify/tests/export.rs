@@ -1,0 +1,348 @@
+//! What the controller loads, loaded: by `rosparam` against a ROS master, and by a C compiler.
+
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use approx::assert_relative_eq;
+use clap::Parser;
+use raven::cli::Outcome;
+use raven::robot::{Provenance, Robot, nominal};
+use raven_identify::{Args, run};
+
+/// A lab's own file: gains in both styles, comments, odd spacing.
+const BASE: &str = "# our gains\n#   order matters\ngains_gold_kp:\n- 0.300\n- 0.300\n- 0.150\n- 0.00\n- 0.09\n- 0.05\n- 0.05\n- 0.05\n\n\
+                    gains_gold_kd: [.008, .008, .012, .00, .001, 0.0, 0.0, 0.0]   # tuned in spring\n\ngains_gold_ki:\n- 0.00\n- 0.00\n- 0.00\n\
+                    - 0.00\n- 0.05\n- 0.05\n- 0.05\n- 0.05\n";
+
+fn provenance(parameter: &str, key: &str, value: f64, prior: f64) -> Provenance {
+    let (std, prior_std) = (1e-3 * prior.abs().max(0.01), 0.1 * prior.abs().max(0.01));
+    Provenance {
+        parameter: parameter.to_owned(),
+        key: key.to_owned(),
+        unit: "m".to_owned(),
+        value,
+        std,
+        prior,
+        prior_std,
+        identified: true,
+        method: "batch".to_owned(),
+        logs: vec!["sinusoid.mcap".to_owned()],
+        sha256: vec!["00ff".repeat(16)],
+    }
+}
+
+/// The paper's 59 mm shoulder, an elbow pulley, a hard stop and a coupling.
+fn identified(arm: &str) -> Robot {
+    let text = nominal::GOLD_YAML.replace("arm: gold", &format!("arm: {arm}"));
+    let mut robot = Robot::parse(Path::new("raven2.yaml"), &text).unwrap();
+    change(&mut robot, "r_l1", "joints.shoulder.link_pulley_radius", 0.059);
+    change(&mut robot, "r_l2", "joints.elbow.link_pulley_radius", 0.057);
+    change(&mut robot, "r_l3", "joints.insertion.link_pulley_radius", 1.01);
+    change(&mut robot, "offset_2", "joints.elbow.hard_stop", 2.41);
+    change(&mut robot, "coupling_12", "cable_coupling.shoulder.elbow", 0.15);
+    robot
+}
+
+fn change(robot: &mut Robot, parameter: &str, key: &str, value: f64) {
+    let place = robot.value_mut(key).unwrap();
+    let prior = std::mem::replace(place, value);
+    robot.calibration.push(provenance(parameter, key, value, prior));
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(robot: &Robot) -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        robot.write(&folder.path("identified.yaml")).unwrap();
+        std::fs::write(folder.path("r2params.yaml"), BASE).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    fn export(&self, format: &str, base: Option<&str>, output: &str) -> Result<String, String> {
+        let mut line = vec!["raven-identify".into(), "export".into(), self.path("identified.yaml").into_os_string()];
+        line.extend(["--format".into(), format.into(), "-o".into(), self.path(output).into_os_string()]);
+        if let Some(base) = base {
+            line.extend(["--base".into(), self.path(base).into_os_string()]);
+        }
+        match run(&Args::try_parse_from(line).map_err(|e| e.to_string())?, &mut Vec::new()) {
+            Ok(Outcome::Done) => Ok(self.read(output)),
+            Ok(Outcome::DataLost) => Err("data lost".to_owned()),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
+/// A ROS master of our own on a free port, ended with the test.
+struct Master {
+    process: Child,
+    uri: String,
+    home: tempfile::TempDir,
+}
+
+impl Master {
+    /// `None`, loudly, where ROS is not installed.
+    fn start() -> Option<Self> {
+        if Command::new("rosparam").arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_err() {
+            eprintln!("SKIPPED: rosparam is not on PATH (Debian: python3-rosparam python3-roslaunch python3-rosmaster).");
+            return None;
+        }
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let home = tempfile::tempdir().unwrap();
+        let uri = format!("http://127.0.0.1:{port}");
+        let mut command = Command::new("rosmaster");
+        command.args(["--core", "-p", &port.to_string()]).stdout(Stdio::null()).stderr(Stdio::null());
+        let process = Self::environment(&mut command, &uri, &home).spawn().expect("rosparam is there, so rosmaster should be");
+        let master = Self { process, uri, home };
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while TcpStream::connect(("127.0.0.1", port)).is_err() {
+            assert!(Instant::now() < deadline, "the ROS master did not come up");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Some(master)
+    }
+
+    fn environment<'c>(command: &'c mut Command, uri: &str, home: &tempfile::TempDir) -> &'c mut Command {
+        command.env("ROS_MASTER_URI", uri).env("ROS_IP", "127.0.0.1").env("ROS_LOG_DIR", home.path()).env("HOME", home.path())
+    }
+
+    fn rosparam(&self, arguments: &[&std::ffi::OsStr]) -> String {
+        let output = Self::environment(Command::new("rosparam").args(arguments), &self.uri, &self.home).output().unwrap();
+        assert!(output.status.success(), "rosparam {arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn load(&self, file: &Path) {
+        self.rosparam(&["load".as_ref(), file.as_os_str()]);
+    }
+
+    fn list(&self, name: &str) -> Vec<f64> {
+        let text = self.rosparam(&["get".as_ref(), name.as_ref()]);
+        // What the controller casts to double must have come as one: PyYAML prints those with a point.
+        assert!(text.lines().filter(|l| !l.trim().is_empty()).all(|l| l.contains('.')), "{name} is no list of doubles: {text}");
+        raven::files::parse_yaml(Path::new(name), &text).unwrap()
+    }
+}
+
+impl Drop for Master {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[test]
+fn the_parameter_server_takes_what_is_written() {
+    let Some(master) = Master::start() else { return };
+    let robot = identified("gold");
+    let folder = Folder::new(&robot);
+    let transmission = robot.arm().unwrap().transmission;
+
+    folder.export("r2params", Some("r2params.yaml"), "new.yaml").unwrap();
+    master.load(&folder.path("new.yaml"));
+    assert_eq!(master.list("/gains_gold_kp"), [0.3, 0.3, 0.15, 0.0, 0.09, 0.05, 0.05, 0.05]);
+    assert_eq!(master.list("/gains_gold_kd"), [0.008, 0.008, 0.012, 0.0, 0.001, 0.0, 0.0, 0.0]);
+    let ratio = master.list("/tr_gold");
+    assert_eq!((ratio.len(), &ratio[..3], ratio[3]), (8, transmission.ratio.as_slice(), 0.0));
+    assert_relative_eq!(ratio[0], 12.25 * 59.0 / 5.675, max_relative = 1e-12);
+    let stops = master.list("/max_position_gold");
+    assert_eq!((stops.len(), stops[0], stops[1], stops[2], stops[3]), (8, 0.0, 2.41, 0.562, 0.0));
+    assert_eq!(master.list("/cable_coupling_gold"), [0.15, 0.0077973826, 0.008077387]);
+
+    folder.export("rosparam", None, "neutral.yaml").unwrap();
+    master.load(&folder.path("neutral.yaml"));
+    let number = |name: &str| master.list(&format!("/raven_calibration/gold/{name}"));
+    assert_eq!(number("cable_coupling"), [0.15, 0.0077973826, 0.008077387]);
+    assert_eq!(number("identified/r_l1")[0], 0.059);
+    let shoulder = master.rosparam(&["get".as_ref(), "/raven_calibration/gold/shoulder/link_pulley_radius".as_ref()]);
+    assert_eq!(shoulder.trim(), "0.059");
+}
+
+#[test]
+fn every_other_line_of_the_labs_file_stays() {
+    let folder = Folder::new(&identified("gold"));
+    let text = folder.export("r2params", Some("r2params.yaml"), "new.yaml").unwrap();
+    assert!(text.starts_with(BASE));
+    assert_eq!(text[BASE.len()..].lines().count(), 3, "{text}");
+
+    // Lists that are there already, in block style and in the middle, are replaced where they stand.
+    let (head, tail) = BASE.split_at(BASE.find("gains_gold_ki").unwrap());
+    let old = "tr_gold:\n- 1.0\n# not the last\n- 2.0\n  # nor this\n";
+    let windows = format!("{head}{old}# about ki\n{tail}").replace('\n', "\r\n");
+    std::fs::write(folder.path("windows.yaml"), &windows).unwrap();
+    let text = folder.export("r2params", Some("windows.yaml"), "new.yaml").unwrap();
+    let list = text.lines().find(|line| line.starts_with("tr_gold")).unwrap();
+    assert_eq!(text.replace(&format!("{list}\r\n"), &old.replace('\n', "\r\n")).split("cable_coupling_gold").next().unwrap(), windows);
+
+    // Once more changes nothing.
+    std::fs::rename(folder.path("new.yaml"), folder.path("again.yaml")).unwrap();
+    assert_eq!(folder.export("r2params", Some("again.yaml"), "new.yaml").unwrap(), text);
+}
+
+#[test]
+fn a_base_that_cannot_be_kept_is_refused() {
+    let folder = Folder::new(&identified("gold"));
+    let refused = |base: &str| {
+        std::fs::write(folder.path("base.yaml"), base).unwrap();
+        folder.export("r2params", Some("base.yaml"), "new.yaml").unwrap_err()
+    };
+    assert!(refused("tr_gold: [1.0]\nx: 1\ntr_gold: [2.0]\n").contains("tr_gold"));
+    assert!(refused("{gains_gold_kp: [1.0], tr_gold: [2.0]}\n").contains("base.yaml"));
+    assert!(refused("- a list\n").contains("base.yaml"));
+    assert!(folder.export("r2params", None, "new.yaml").unwrap_err().contains("--base"));
+    assert!(folder.export("defines", Some("r2params.yaml"), "new.h").unwrap_err().contains("--base"));
+    assert!(!folder.path("new.yaml").exists());
+}
+
+/// The part of the controller's constants that the header touches: names and values as in `defines.h`, gold standing for green.
+const CONTROLLER: &str = "#define CABLE_RADIUS_1050 (1.19 / 2.0)\n#define PARTIAL_PULLEY_LINK1_RADIUS (62.5 + CABLE_RADIUS_1050)\n\
+#define PARTIAL_PULLEY_LINK2_RADIUS (40.85 + CABLE_RADIUS_1050)\n#define LARGE (7.82 + CABLE_RADIUS_1050)\n\
+#define SMALL (5.60 + CABLE_RADIUS_1050)\n#define SHOULDER_TR_GREEN_ARM (float)(PARTIAL_PULLEY_LINK1_RADIUS / 5.675 * 12.25)\n\
+#define ELBOW_TR_GREEN_ARM (float)(PARTIAL_PULLEY_LINK2_RADIUS / SMALL * LARGE / 5.675 * 12.25)\n\
+#define Z_INS_TR_GREEN_ARM (float)(1000.0 / 5.675 * 12.25)\n#define SHOULDER_TR_GOLD_ARM (SHOULDER_TR_GREEN_ARM)\n\
+#define ELBOW_TR_GOLD_ARM (ELBOW_TR_GREEN_ARM)\n#define Z_INS_TR_GOLD_ARM (Z_INS_TR_GREEN_ARM)\n\
+#define SHOULDER_TR_BLUE_ARM (SHOULDER_TR_GREEN_ARM)\n\
+#define SHOULDER_MAX_ANGLE 0.0\n#define ELBOW_MAX_ANGLE 2.399827721\n#define CABLE_COUPLING_01 (float)(0.14545)\n";
+
+/// The values of macros after the controller's header and, last, the calibrated one.
+fn compiled(folder: &Folder, header: &str, macros: &[&str]) -> Vec<f64> {
+    let prints: String = macros.iter().map(|name| format!("printf(\"%.9g\\n\", (double)({name}));")).collect();
+    let source = format!("#include <stdio.h>\n{CONTROLLER}#include \"{header}\"\nint main(void) {{ {prints} return 0; }}\n");
+    std::fs::write(folder.path("main.c"), source).unwrap();
+    let program = folder.path("main");
+    let output = Command::new("gcc").args(["-Wall", "-Werror", "-o"]).arg(&program).arg(folder.path("main.c")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new(program).output().unwrap();
+    String::from_utf8(output.stdout).unwrap().lines().map(|line| line.parse().unwrap()).collect()
+}
+
+fn gcc_is_missing() -> bool {
+    let missing = Command::new("gcc").arg("--version").stdout(Stdio::null()).status().is_err();
+    if missing {
+        eprintln!("SKIPPED: gcc is not on PATH.");
+    }
+    missing
+}
+
+#[test]
+fn the_header_compiles_and_changes_one_arm() {
+    if gcc_is_missing() {
+        return;
+    }
+    for (arm, own, other) in [("gold", "GOLD", "GREEN"), ("green", "GREEN", "GOLD")] {
+        let robot = identified(arm);
+        let folder = Folder::new(&robot);
+        let header = folder.export("defines", None, "defines_calibrated.h").unwrap();
+        assert!(header.contains("was PARTIAL_PULLEY_LINK1_RADIUS (62.5000 + CABLE_RADIUS_1050)"), "{header}");
+        let ratio = |joint: &str, arm: &str| format!("{joint}_TR_{arm}_ARM");
+        let names = [
+            "PARTIAL_PULLEY_LINK1_RADIUS".to_owned(),
+            "PARTIAL_PULLEY_LINK2_RADIUS / SMALL * LARGE".to_owned(),
+            ratio("SHOULDER", own),
+            ratio("ELBOW", own),
+            ratio("Z_INS", own),
+            ratio("SHOULDER", other),
+            ratio("ELBOW", other),
+            ratio("Z_INS", other),
+            ratio("SHOULDER", "BLUE"),
+            "ELBOW_MAX_ANGLE * 2".to_owned(),
+            "SHOULDER_MAX_ANGLE".to_owned(),
+            "CABLE_COUPLING_01".to_owned(),
+        ];
+        let values = compiled(&folder, "defines_calibrated.h", &names.each_ref().map(String::as_str));
+        let after = robot.arm().unwrap().transmission.ratio;
+        let before = robot.before_calibration().arm().unwrap().transmission.ratio;
+        let expected = [59.0, 57.0, after[0], after[1], after[2], before[0], before[1], before[2], before[0], 4.82, 0.0, 0.15];
+        for ((name, value), expected) in names.iter().zip(&values).zip(expected) {
+            assert_relative_eq!(*value, expected, max_relative = 1e-6, epsilon = 1e-9);
+            assert!(value.is_finite(), "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_header_compiles_alone() {
+    if gcc_is_missing() {
+        return;
+    }
+    let folder = Folder::new(&identified("gold"));
+    folder.export("defines", None, "defines_calibrated.h").unwrap();
+    let header = folder.path("defines_calibrated.h");
+    let output = Command::new("gcc").args(["-Wall", "-Werror", "-fsyntax-only", "-x", "c"]).arg(header).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn the_green_arm_has_its_own_names() {
+    let folder = Folder::new(&identified("green"));
+    let text = folder.export("r2params", Some("r2params.yaml"), "new.yaml").unwrap();
+    assert!(["\ntr_green: [", "\ncable_coupling_green: [", "\nmax_position_green: ["].iter().all(|key| text.contains(key)), "{text}");
+    assert!(folder.export("rosparam", None, "neutral.yaml").unwrap().contains("  green:\n"));
+}
+
+#[test]
+fn what_the_hardware_cannot_be_is_refused() {
+    let refused = |parameter: &str, key: &str, value: f64| {
+        let mut robot = nominal::gold();
+        change(&mut robot, parameter, key, value);
+        let folder = Folder::new(&robot);
+        ["r2params", "defines", "rosparam"].map(|format| {
+            let base = (format == "r2params").then_some("r2params.yaml");
+            folder.export(format, base, "new").expect_err(&format!("{key} = {value} was exported as {format}"))
+        })
+    };
+    for message in refused("r_l1", "joints.shoulder.link_pulley_radius", 0.063095 * 1.16) {
+        assert!(message.contains("+16.0 %") && message.contains("shoulder"), "{message}");
+    }
+    assert!(refused("r_l1", "joints.shoulder.link_pulley_radius", -0.063)[0].contains("link_pulley_radius is -0.063"));
+    assert!(refused("k_e2", "joints.elbow.cable.stiffness", -88_000.0)[1].contains("stiffness is -88000"));
+    assert!(refused("offset_3", "joints.insertion.hard_stop", 0.62)[2].contains("hard_stop is 0.62"));
+    assert!(refused("coupling_12", "cable_coupling.shoulder.elbow", 0.5)[0].contains("cable_coupling from shoulder to elbow is 0.5"));
+}
+
+#[test]
+fn what_the_data_did_not_identify_is_refused() {
+    let refused = |edit: &dyn Fn(&mut Robot)| {
+        let mut robot = identified("gold");
+        edit(&mut robot);
+        Folder::new(&robot).export("rosparam", None, "new.yaml").unwrap_err()
+    };
+    let flag = refused(&|robot| robot.calibration[0].identified = false);
+    assert!(flag.contains("r_l1") && flag.contains("not identified"), "{flag}");
+    let wide = refused(&|robot| robot.calibration[0].std = 0.6 * robot.calibration[0].prior_std);
+    assert!(wide.contains("r_l1") && wide.contains("not identified"), "{wide}");
+    assert!(refused(&|robot| robot.calibration[0].std = f64::NAN).contains("r_l1"));
+    assert!(refused(&|robot| robot.joints[0].link_pulley_radius = 0.06).contains("its calibration found 0.059"));
+    assert!(refused(&|robot| robot.calibration.clear()).contains("it has no calibration"));
+    let nothing = refused(&|robot| {
+        *robot = nominal::gold();
+        let mut entry = provenance("r_l1", "joints.shoulder.link_pulley_radius", 0.063095, 0.063095);
+        (entry.identified, entry.std) = (false, entry.prior_std);
+        robot.calibration.push(entry);
+    });
+    assert!(nothing.contains("nothing to export") && nothing.contains("100 %"), "{nothing}");
+}
+
+#[test]
+fn the_old_file_stays_or_is_kept() {
+    let mut robot = identified("gold");
+    let folder = Folder::new(&robot);
+    std::fs::write(folder.path("new.yaml"), "old").unwrap();
+    folder.export("rosparam", None, "new.yaml").unwrap();
+    assert_eq!(folder.read("new.yaml.old"), "old");
+    let good = folder.read("new.yaml");
+    robot.calibration[0].identified = false;
+    robot.write(&folder.path("identified.yaml")).unwrap();
+    folder.export("rosparam", None, "new.yaml").unwrap_err();
+    assert_eq!((folder.read("new.yaml"), folder.read("new.yaml.old")), (good, "old".to_owned()));
+}

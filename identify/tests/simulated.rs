@@ -1,0 +1,200 @@
+//! Robots whose numbers are known: what is found, how well it claims to be known, and what is left alone.
+
+use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use raven::camera::Quality;
+use raven::robot::{MotorTrack, Robot, nominal};
+use raven_identify::batch::{self, Estimate};
+use raven_identify::identified::{Finding, identified};
+use raven_identify::motion::Motion;
+use raven_identify::parameters::Selection;
+use raven_identify::prediction::{Predictor, Problem};
+use raven_identify::priors::{self, Unknown};
+use raven_identify::session::{Session, Sighting};
+
+const RATE_HZ: f64 = 200.0;
+const CAMERA_HZ: f64 = 10.0;
+const BLOCK_S: f64 = 2.0;
+
+/// The motors of a controller with the nominal numbers, on slow sines about the middle of the workspace.
+fn motion(duration_s: f64, amplitude: Vector3<f64>) -> Motion {
+    let transmission = nominal::gold().arm().unwrap().transmission;
+    let time_s: Vec<f64> = (0..(duration_s * RATE_HZ) as usize).map(|i| i as f64 / RATE_HZ).collect();
+    let joint =
+        |t: f64| Vector3::new(0.8, 1.6, 0.33) + amplitude.component_mul(&Vector3::new((0.9 * t).sin(), (0.7 * t).sin(), (0.5 * t).sin()));
+    let angle = time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect();
+    Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap()
+}
+
+const WIDE: Vector3<f64> = Vector3::new(0.45, 0.4, 0.06);
+
+/// A tip seen along frame 0's y axis: 0.1 mm across, 1.5 mm in depth.
+fn covariance() -> Matrix3<f64> {
+    let tilted = Rotation3::from_euler_angles(0.1, 0.0, 0.2);
+    tilted * Matrix3::from_diagonal(&Vector3::new(1e-8, 2.25e-6, 1e-8)) * tilted.inverse()
+}
+
+/// What the cameras see of a robot, with white noise and, in every block, `alike` of it that is common.
+fn session(truth: &Robot, motion: &Motion, random: &mut ChaCha8Rng, alike: f64) -> Session {
+    let predictor = Predictor::new(truth).unwrap();
+    let factor = covariance().cholesky().unwrap().l();
+    let [start, end] = motion.span_s();
+    let mut normal = || factor * Vector3::from_fn(|_, _| StandardNormal.sample(random));
+    let mut common = normal();
+    let mut sightings = Vec::new();
+    for i in 0..((end - start) * CAMERA_HZ) as usize {
+        if i % (BLOCK_S * CAMERA_HZ) as usize == 0 {
+            common = normal();
+        }
+        let time_s = start + (i as f64 + 0.5) / CAMERA_HZ;
+        if motion.covers(time_s - 0.1, time_s + 0.1) {
+            let seen = predictor.seen_m(motion, time_s) + normal() + alike * common;
+            sightings.push(Sighting::new(time_s, seen, &covariance()).unwrap());
+        }
+    }
+    Session { name: "simulated.mcap".to_owned(), sha256: "00".to_owned(), motion: motion.clone(), sightings }
+}
+
+struct Case {
+    robot: Robot,
+    unknowns: Vec<Unknown>,
+}
+
+impl Case {
+    fn new(parameters: &[&str]) -> Self {
+        let robot = nominal::gold();
+        let names: Vec<String> = parameters.iter().map(|s| (*s).to_owned()).collect();
+        let selection = if names.is_empty() { Selection::default() } else { Selection::named(&names).unwrap() };
+        let unknowns = priors::unknowns(&robot, &selection, &Quality::default()).unwrap();
+        Self { robot, unknowns }
+    }
+
+    /// The robot at `z`; its encoders were set by the nominal numbers.
+    fn truth(&self, z: &DVector<f64>) -> Robot {
+        Problem::new(&self.robot, &self.unknowns, &[]).unwrap().robot(z)
+    }
+
+    fn estimate(&self, sessions: &[Session]) -> Estimate {
+        let may_hold: Vec<bool> = self.unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
+        batch::estimate(&Problem::new(&self.robot, &self.unknowns, sessions).unwrap(), &may_hold).unwrap()
+    }
+
+    fn index(&self, name: &str) -> usize {
+        self.unknowns.iter().position(|u| u.quantity.name() == name).unwrap()
+    }
+
+    fn at(&self, values: &[(&str, f64)]) -> DVector<f64> {
+        let mut z = DVector::zeros(self.unknowns.len());
+        for &(name, value) in values {
+            let unknown = &self.unknowns[self.index(name)];
+            z[self.index(name)] =
+                if unknown.quantity.is_positive() { (value / unknown.prior).ln() } else { value - unknown.prior } / unknown.spread;
+        }
+        z
+    }
+}
+
+#[test]
+fn the_papers_pulley_is_found_beside_a_late_and_turned_camera() {
+    let case = Case::new(&[]);
+    let z = case.at(&[("r_l1", 0.059), ("latency", 0.060), ("rotation_x", 0.0175), ("translation_z", 0.004)]);
+    let session = session(&case.truth(&z), &motion(60.0, WIDE), &mut ChaCha8Rng::seed_from_u64(1), 0.0);
+    let estimate = case.estimate(&[session]);
+    for name in ["r_l1", "latency", "rotation_x", "translation_z"] {
+        let k = case.index(name);
+        let off = (estimate.z[k] - z[k]) / estimate.std[k];
+        assert!(estimate.identified[k] && off.abs() < 4.0, "{name} is {off:.1} deviations off");
+    }
+    let k = case.index("r_l1");
+    let std_mm = case.unknowns[k].std(0.059, estimate.std[k]) * 1e3;
+    assert!(std_mm < 0.06, "0.1 % of the pulley, not {std_mm} mm");
+}
+
+#[test]
+fn several_logs_add_up() {
+    let case = Case::new(&[]);
+    let truth = case.truth(&case.at(&[("r_l1", 0.0598)]));
+    let sessions: Vec<Session> = (0..4).map(|s| session(&truth, &motion(30.0, WIDE), &mut ChaCha8Rng::seed_from_u64(s), 0.0)).collect();
+    let k = case.index("latency");
+    let (one, four) = (case.estimate(&sessions[..1]).std[k], case.estimate(&sessions).std[k]);
+    assert!((1.5..2.7).contains(&(one / four)), "four logs are worth twice the precision, not {}", one / four);
+}
+
+/// Whether the truth lies within one and two claimed deviations as often as it should: three binomial deviations.
+fn assert_covered(alike: f64) {
+    let case = Case::new(&[]);
+    let names = ["r_l1", "latency", "rotation_x", "translation_y"];
+    let samples = 80;
+    let mut inside = [[0_u32; 2]; 4];
+    let motion = motion(60.0, WIDE);
+    for seed in 0..samples {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let z = DVector::from_fn(case.unknowns.len(), |_, _| StandardNormal.sample(&mut random));
+        // A latency of several tenths of a second would leave the log.
+        let z = z.map_with_location(|k, _, v: f64| if k == case.index("latency") { 0.3 * v } else { v });
+        let estimate = case.estimate(&[session(&case.truth(&z), &motion, &mut random, alike)]);
+        for (name, counts) in names.iter().zip(&mut inside) {
+            let k = case.index(name);
+            let off = (estimate.z[k] - z[k]).abs() / estimate.std[k];
+            counts[0] += u32::from(off < 1.0);
+            counts[1] += u32::from(off < 2.0);
+        }
+    }
+    println!("{inside:?}");
+    for (name, counts) in names.iter().zip(inside) {
+        for (count, nominal) in counts.into_iter().zip([0.6827, 0.9545]) {
+            let (expected, deviation) = (nominal * samples as f64, (nominal * (1.0 - nominal) * samples as f64).sqrt());
+            assert!((f64::from(count) - expected).abs() < 3.0 * deviation, "{name}: {count} of {samples} inside, expected {expected:.0}");
+        }
+    }
+}
+
+#[test]
+fn claimed_deviations_hold_on_robots_drawn_from_the_prior() {
+    assert_covered(0.0);
+}
+
+#[test]
+fn claimed_deviations_hold_when_sightings_are_alike() {
+    assert_covered(0.7);
+}
+
+#[test]
+fn a_joint_that_did_not_move_keeps_its_numbers() {
+    let case = Case::new(&["r_l1", "r_l3", "latency"]);
+    let truth = case.truth(&case.at(&[("r_l1", 0.0598), ("r_l3", 1.003)]));
+    let still = Vector3::new(0.0, 0.4, 0.06);
+    let sessions = [session(&truth, &motion(40.0, still), &mut ChaCha8Rng::seed_from_u64(1), 0.0)];
+    let estimate = case.estimate(&sessions);
+    let findings = Finding::all(&case.unknowns, &estimate);
+    let (first, third) = (&findings[case.index("r_l1")], &findings[case.index("r_l3")]);
+    assert!(!first.identified && first.value == case.robot.joints[0].link_pulley_radius, "{first:?}");
+    assert!(third.identified && (third.value - 1.003).abs() < 4.0 * third.std, "{third:?}");
+
+    let file = identified(&case.robot, &findings, "batch", &sessions).unwrap();
+    assert_eq!(file.joints[0].motor_at_hard_stop, None);
+    let nominal_motor = case.robot.arm().unwrap().transmission.motor_at_hard_stop[2];
+    assert_eq!(file.joints[2].motor_at_hard_stop, Some(nominal_motor));
+    let entry = file.calibration.iter().find(|c| c.parameter == "r_l1").unwrap();
+    assert!(!entry.identified && entry.value == entry.prior && entry.sha256 == ["00"]);
+    assert_eq!(file.before_calibration(), case.robot);
+}
+
+#[test]
+fn identifying_again_keeps_the_way_back() {
+    let case = Case::new(&[]);
+    let truth = case.truth(&case.at(&[("r_l1", 0.0598)]));
+    let sessions = [session(&truth, &motion(40.0, WIDE), &mut ChaCha8Rng::seed_from_u64(2), 0.0)];
+    let mut robot = case.robot.clone();
+    for _ in 0..2 {
+        let unknowns = priors::unknowns(&robot, &Selection::default(), &Quality::default()).unwrap();
+        let again = Case { robot: robot.clone(), unknowns };
+        let findings = Finding::all(&again.unknowns, &again.estimate(&sessions));
+        robot = identified(&robot, &findings, "batch", &sessions).unwrap();
+        let found = robot.joints[0].link_pulley_radius;
+        assert!((found - 0.0598).abs() < 5e-5, "{found}");
+    }
+    assert_eq!(robot.before_calibration(), case.robot);
+}

@@ -1,0 +1,151 @@
+//! Every kind of message that the writer knows, read back.
+
+use approx::assert_relative_eq;
+use nalgebra::{Matrix3, Vector3};
+
+use super::*;
+use crate::robot::{ArmSide, SourceFormat};
+
+fn observation(at: u64, status: TipStatus) -> TipObservation {
+    TipObservation {
+        stamp: ms(at),
+        frame_id: "gold/frame0".to_owned(),
+        status,
+        left_px: [320.5, 200.25],
+        right_px: [f64::NAN, f64::NAN],
+        position_m: Vector3::new(-0.06, -0.02, 0.01),
+        covariance_m2: Matrix3::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0) * 1e-8,
+    }
+}
+
+#[test]
+fn robot_joints_tip_and_what_goes_with_them() {
+    let (_folder, path) = place();
+    let session = BTreeMap::from([("arm".to_owned(), "gold".to_owned())]);
+    let mut log = LogWriter::create(&path).unwrap();
+    log.metadata("session", &session).unwrap();
+    log.attachment("cameras.yaml", "application/yaml", b"left: 1\n").unwrap();
+    for i in 0..5 {
+        log.robot_state(Times { measured: ms(i), arrived: ms(i + 40) }, &state(i as f32)).unwrap();
+        log.joint_states(topics::JOINT_ENCODERS, ms(i), &["shoulder", "elbow"], &[i as f64, 2.0], Some(&[0.5, 0.25])).unwrap();
+    }
+    log.tip(&observation(3, TipStatus::Seen)).unwrap();
+    log.tip(&observation(1, TipStatus::Jumped)).unwrap();
+    log.clock(ms(1), ClockSample { monotonic_ns: 5, realtime_ns: 6, ..ClockSample::default() }).unwrap();
+    log.finish().unwrap();
+
+    let recording = Recording::read(&path, &MotorSource::default()).unwrap();
+    let motor = recording.require_motor().unwrap();
+    assert_eq!((recording.start, recording.session.clone(), motor.names.len()), (ms(0), session, 3));
+    assert_relative_eq!(recording.duration_s, 0.004, epsilon = 1e-12);
+    assert_relative_eq!(motor.interpolate(0, 0.0025).unwrap(), 2.5_f64.to_radians(), epsilon = 1e-12);
+    assert_eq!(motor.effort.as_ref().unwrap()[1], [0.25; 5]);
+    assert_relative_eq!(recording.controller_joints.unwrap().position[2][0], 0.40, epsilon = 1e-7);
+    assert_eq!(recording.encoder_counts.unwrap()[0], [100; 5]);
+    let encoders = recording.joint_encoders.unwrap();
+    assert_eq!((encoders.position[0][4], encoders.effort.unwrap()[1][0]), (4.0, 0.25));
+    assert_eq!(recording.attachments["cameras.yaml"], b"left: 1\n");
+    assert_eq!(recording.topics[topics::CLOCK], 1);
+    // In the order of time, and the covariance not transposed. NaN is not equal to itself, so the text is compared.
+    let expected = [observation(1, TipStatus::Jumped), observation(3, TipStatus::Seen)];
+    assert_eq!(format!("{:?}", recording.tip), format!("{expected:?}"));
+
+    let green = MotorSource { arm: ArmSide::Green, ..MotorSource::default() };
+    let recording = Recording::read(&path, &green).unwrap();
+    assert_relative_eq!(recording.motor.unwrap().position[0][3], -3.0_f64.to_radians(), epsilon = 1e-12);
+    assert_eq!(recording.encoder_counts.unwrap()[0], [108; 5]);
+}
+
+#[test]
+fn frames_of_both_kinds() {
+    let (_folder, path) = place();
+    let rgb = image::RgbImage::from_fn(16, 8, |x, y| image::Rgb([x as u8 * 8, y as u8 * 8, 40]));
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95).encode_image(&rgb).unwrap();
+    let mut log = LogWriter::create(&path).unwrap();
+    for (i, sequence) in [1, 2, 5].into_iter().enumerate() {
+        let at = 66 * i as u64;
+        let jpeg = if i == 1 { &jpeg[..jpeg.len() - 20] } else { &jpeg };
+        log.compressed_image(Side::Left, Times { measured: ms(at), arrived: ms(at + 9) }, sequence, jpeg).unwrap();
+        log.raw_image(Side::Right, ms(at + 2), 0, ("rgb8", [16, 8], 48), rgb.as_raw()).unwrap();
+        log.frame_meta(Side::Left, ms(at), FrameMeta { sequence, gap: 2, ..FrameMeta::default() }).unwrap();
+    }
+    let info =
+        CameraInfo { size_px: [16, 8], camera_matrix: [1.0; 9], distortion: &[0.1; 5], rectification: [0.0; 9], projection: [0.0; 12] };
+    log.camera_calibration(Side::Left, ms(0), &info).unwrap();
+    log.annotations(Side::Left, ms(0), Some(([3.0, 4.0], TipStatus::Seen, 8.0)), &[[1.0, 2.0]]).unwrap();
+    log.finish().unwrap();
+
+    let all: Vec<CameraFrame> = frames(&path).unwrap().collect::<Result<_, _>>().unwrap();
+    assert_eq!(all.iter().map(|frame| frame.side).collect::<Vec<_>>(), [Side::Left, Side::Right].repeat(3));
+    assert_eq!((all[0].stamp, all[0].log_time, all[0].sequence, all[1].sequence), (ms(0), ms(9), Some(1), None));
+    assert_eq!(all[1].decode_rgb().unwrap(), rgb);
+    assert!(!all[0].is_truncated() && all[2].is_truncated());
+    let stamps: Vec<(Side, Stamp)> = all.iter().map(|frame| (frame.side, frame.stamp)).collect();
+    assert_eq!(frame_stamps(&path).unwrap(), stamps);
+
+    let survey = Survey::of(&path).unwrap();
+    let left = survey.topic(topics::LEFT_COMPRESSED).unwrap();
+    assert_eq!((left.truncated_frames, left.missing_frames), (1, 2));
+    assert_relative_eq!(survey.cameras.unwrap().right_minus_left_s, 0.002, epsilon = 1e-9);
+    // Without robot and tip the images give the start.
+    assert_eq!(Recording::read(&path, &MotorSource::default()).unwrap().start, ms(0));
+}
+
+#[test]
+fn topics_are_copied_byte_for_byte() {
+    let (folder, path) = place();
+    robot_log(&path);
+    let copy = folder.path().join("copy.mcap");
+    let mut log = LogWriter::create(&copy).unwrap();
+    assert_eq!(log.copy_topics(&path, &[topics::RAVEN_STATE]).unwrap(), 3000);
+    log.finish().unwrap();
+    let contents = |path: &Path| {
+        let mut messages = Vec::new();
+        let mut others = Vec::new();
+        let mut walker = Walker::open(path).unwrap();
+        let mut visit = |item: Item<'_>| {
+            match item {
+                Item::Message(m) => messages.push((m.channel.topic.clone(), m.sequence, m.log_time, m.publish_time, m.data.to_vec())),
+                Item::Channel(channel) => others.push(format!("{:?} {:?}", channel.schema.as_ref().unwrap().data, channel.metadata)),
+                other => others.push(format!("{other:?}")),
+            }
+            Ok(())
+        };
+        walker.run(&mut visit).unwrap();
+        others.sort();
+        (messages, others)
+    };
+    assert_eq!(contents(&path), contents(&copy));
+}
+
+#[test]
+fn a_log_dropped_unfinished_leaves_nothing() {
+    let (folder, path) = place();
+    let mut log = LogWriter::create(&path).unwrap();
+    log.robot_state(ms(0), &state(1.0)).unwrap();
+    drop(log);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path).unwrap();
+    log.joint_states(topics::MOTOR_JOINT_STATES, ms(0), &["carriage"], &[1.0], None).unwrap();
+    log.finish().unwrap();
+    let recording = Recording::read(&path, &MotorSource::default()).unwrap_err();
+    assert!(recording.to_string().contains("Topics in the file: `/motor/joint_states`"), "{recording}");
+    let source = MotorSource { topic: topics::MOTOR_JOINT_STATES.to_owned(), format: SourceFormat::JointState, ..MotorSource::default() };
+    let recording = Recording::read(&path, &source).unwrap();
+    assert!(recording.require_motor().unwrap().effort.is_none());
+    let error = recording.require_tip().unwrap_err().to_string();
+    assert!(error.contains("log.mcap") && error.contains("`/tip`") && error.contains("`/motor/joint_states`"), "{error}");
+    assert!(recording.require_joint_encoders().is_err());
+    let error = frames(&path).unwrap().next().unwrap().unwrap_err().to_string();
+    assert!(error.contains("no camera images") && error.contains("`/motor/joint_states`"), "{error}");
+    // The robot file expects the other kind of message.
+    let wrong = MotorSource { format: SourceFormat::RavenState, ..source };
+    let error = Recording::read(&path, &wrong).unwrap_err().to_string();
+    assert!(error.contains("/motor/joint_states"), "{error}");
+}

@@ -1,0 +1,170 @@
+//! What `raven-replay` prints and writes.
+
+use std::io::Write;
+use std::path::Path;
+
+use raven::filter::FilterRun;
+use raven::log::{JointSeries, LogWriter, Recording, topics};
+use raven::plot::{self, Mark, Panel, Series};
+use raven::robot::Robot;
+use raven::stats::{TTest, chi_square_mean_band};
+use raven::{Error, Result, files};
+use serde::Serialize;
+
+use crate::errors::{Estimate, Estimates, JointErrors, JointRow, paired};
+
+/// The machine-readable result.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    joints: Vec<JointRow>,
+    paired_t: Vec<Option<TTest>>,
+    logs: Vec<LogSummary>,
+    seconds: f64,
+}
+
+/// How consistent the filter was on one log.
+#[derive(Debug, Serialize)]
+pub struct LogSummary {
+    log: String,
+    tips: usize,
+    refused: usize,
+    restarts: usize,
+    nis_mean: Option<f64>,
+    nis_band95: Option<[f64; 2]>,
+}
+
+impl LogSummary {
+    /// From a filter's run over a log.
+    pub fn new(recording: &Recording, filter: &FilterRun) -> Self {
+        let tips = filter.innovations.len();
+        let accepted: Vec<f64> = filter.innovations.iter().filter(|(_, i)| i.accepted).map(|(_, i)| i.nis).collect();
+        Self {
+            log: recording.path.display().to_string(),
+            tips,
+            refused: tips - accepted.len(),
+            restarts: filter.restarts,
+            nis_mean: (!accepted.is_empty()).then(|| accepted.iter().sum::<f64>() / accepted.len() as f64),
+            nis_band95: chi_square_mean_band(3, accepted.len()),
+        }
+    }
+}
+
+impl Report {
+    /// Over all logs, `errors` per joint and log; empty where no log has reference encoders.
+    pub fn new(robot: &Robot, errors: &[Vec<JointErrors>; 3], logs: Vec<LogSummary>, seconds: f64) -> Self {
+        let known = errors.iter().zip(&robot.joints).filter(|(errors, _)| !errors.is_empty());
+        let joints = known.map(|(errors, joint)| concatenate(errors).row(joint)).collect();
+        let paired_t = errors.iter().filter(|errors| !errors.is_empty()).map(|errors| paired(errors)).collect();
+        Self { joints, paired_t, logs, seconds }
+    }
+
+    /// Prints the table.
+    pub fn print(&self, out: &mut dyn Write) -> Result<()> {
+        self.table(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))
+    }
+
+    fn table(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        if self.joints.is_empty() {
+            writeln!(out, "No reference encoders in these logs (/joint_encoders): nothing to compare with.")?;
+        } else {
+            writeln!(out, "RMS error against the joint encoders")?;
+            writeln!(
+                out,
+                "{:<10} {:>4} {:>12} {:>12} {:>10} {:>10} {:>10} {:>12} {:>10}",
+                "joint", "unit", "as recorded", "kinematics", "camera", "filter", "smoother", "improvement", "paired P"
+            )?;
+        }
+        let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"));
+        for (row, t) in self.joints.iter().zip(&self.paired_t) {
+            writeln!(
+                out,
+                "{:<10} {:>4} {:>12} {:>12} {:>10} {:>10} {:>10} {:>12} {:>10}",
+                row.joint,
+                row.unit,
+                number(row.rms_kinematic),
+                number(row.rms_kinematic_identified),
+                number(row.rms_camera),
+                number(row.rms_filter),
+                number(row.rms_smoother),
+                row.improvement_percent.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} %")),
+                t.map_or_else(|| "-".to_owned(), |t| format!("{:.1e}", t.p)),
+            )?;
+        }
+        for log in &self.logs {
+            let Some((mean, [low, high])) = log.nis_mean.zip(log.nis_band95) else { continue };
+            let verdict = match mean {
+                m if m > high => "the filter trusts its model or its camera more than this log allows",
+                m if m < low => "the filter trusts its model or its camera less than this log would allow",
+                _ => "the filter is as sure as it should be",
+            };
+            writeln!(out, "{}: mean NIS {mean:.2} of {} tips (95 % band {low:.2} to {high:.2}): {verdict}.", log.log, log.tips)?;
+        }
+        Ok(())
+    }
+}
+
+fn concatenate(errors: &[JointErrors]) -> JointErrors {
+    let mut all = JointErrors::default();
+    for log in errors {
+        all.believed.extend(&log.believed);
+        all.kinematic.extend(&log.kinematic);
+        all.camera.extend(&log.camera);
+        all.filter.extend(&log.filter);
+        all.smoother.extend(&log.smoother);
+    }
+    all
+}
+
+/// Writes the three estimates as joint states, beside the log's metadata.
+pub fn write_log(path: &Path, recording: &Recording, robot: &Robot, estimates: &Estimates) -> Result<()> {
+    let mut log = LogWriter::create(path)?;
+    log.metadata("session", &recording.session)?;
+    log.attachment("robot.yaml", "application/yaml", robot.to_yaml().as_bytes())?;
+    let names: Vec<&str> = robot.joints.iter().map(|j| j.name.as_str()).collect();
+    for (topic, estimate) in [
+        (topics::ESTIMATE_KINEMATIC, &estimates.kinematic),
+        (topics::ESTIMATE_CAMERA, &estimates.camera),
+        (topics::ESTIMATE_FILTER, &estimates.filter),
+    ] {
+        for (time_s, joints) in estimate.time_s.iter().zip(&estimate.joints) {
+            log.joint_states(topic, recording.start.plus_seconds(*time_s), &names, joints.as_slice(), None)?;
+        }
+    }
+    log.finish()
+}
+
+/// Draws estimates and errors of all joints over time.
+pub fn write_plot(path: &Path, recording: &Recording, robot: &Robot, estimates: &Estimates) -> Result<()> {
+    let mut panels = Vec::new();
+    for (j, joint) in robot.joints.iter().enumerate().take(3) {
+        let (unit, scale) = joint.display_unit();
+        let series = |label: &str, samples: Vec<(f64, f64)>, mark| Series { label: label.to_owned(), samples, mark };
+        let values = |e: &Estimate| e.time_s.iter().zip(&e.joints).map(|(&t, q)| (t, q[j] * scale)).collect();
+        let panel =
+            |title: String, y: &str, series| Panel { title, x_label: "time [s]".to_owned(), y_label: format!("{y} [{unit}]"), series };
+        let mut positions = vec![
+            series("camera", values(&estimates.camera), Mark::Points),
+            series("as recorded", values(&estimates.believed), Mark::Line),
+            series("filter", values(&estimates.filter), Mark::Line),
+        ];
+        if let Some(reference) = &recording.joint_encoders {
+            positions.push(series("joint encoder", reference_series(reference, j, scale), Mark::Line));
+            panels.push(panel(joint.name.clone(), "position", positions));
+            let errors = JointErrors::new(estimates, reference, j);
+            let scaled = |e: &[(f64, f64)]| e.iter().map(|(t, e)| (*t, e * scale)).collect();
+            let curves = vec![
+                series("camera", scaled(&errors.camera), Mark::Points),
+                series("as recorded", scaled(&errors.believed), Mark::Line),
+                series("filter", scaled(&errors.filter), Mark::Line),
+            ];
+            panels.push(panel(format!("{}: error", joint.name), "error", curves));
+        } else {
+            panels.push(panel(joint.name.clone(), "position", positions));
+        }
+    }
+    files::write_atomic(path, plot::panels(&panels)?.as_bytes())
+}
+
+fn reference_series(reference: &JointSeries, j: usize, scale: f64) -> Vec<(f64, f64)> {
+    reference.time_s.iter().zip(&reference.position[j]).map(|(&t, &q)| (t, q * scale)).collect()
+}

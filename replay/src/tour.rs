@@ -1,0 +1,154 @@
+//! `raven-replay tour DIR`: a virtual lab session from the first frame to the parameter file, with the commands a lab would type.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Parser;
+use raven::cli::Outcome;
+use raven::robot::{Robot, nominal};
+use raven::{Error, Result, files};
+
+/// Simulates a lab session with hidden errors and runs the whole chain on it.
+///
+///   raven-replay tour tour/
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Args {
+    /// Folder for logs, parameter files, tables and plots; made if it is not there.
+    folder: PathBuf,
+    /// Seed of the session: what is hidden and all noise.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Length of the sinusoid that identification uses [s].
+    #[arg(long, default_value_t = 40.0)]
+    sinusoid_s: f64,
+    /// Length of the task motion that the result is checked on [s].
+    #[arg(long, default_value_t = 30.0)]
+    fls_s: f64,
+}
+
+/// One program of the chain, with its arguments as they would be typed.
+type Program = fn(&[String], &mut dyn Write) -> Result<Outcome>;
+
+/// Runs the tour.
+///
+/// # Errors
+/// If the folder cannot be written to, or a step fails.
+pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+    let started = Instant::now();
+    let folder = &args.folder;
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+    files::write_atomic(&folder.join("robot.yaml"), nominal::GOLD_YAML.as_bytes())?;
+    let mut chain = Chain { folder, out, transcript: String::new() };
+    let lab = format!("--hidden lab --seed {} --truth {{truth.json}}", args.seed);
+    for (motion, length) in [
+        ("board", String::new()),
+        ("hardstop", String::new()),
+        ("sinusoid", format!("--duration {}", args.sinusoid_s)),
+        ("fls", format!("--duration {}", args.fls_s)),
+    ] {
+        let what = format!("simulate --robot {{robot.yaml}} --motion {motion} {length} --images {lab} -o {{{motion}.mcap}}");
+        chain.step("raven-capture", capture, &what)?;
+    }
+    chain.step("raven-capture", capture, "check {sinusoid.mcap}")?;
+    chain.step("raven-calibrate", calibrate, "cameras {board.mcap} --board 9x6 --square 0.012 -o {cameras.yaml}")?;
+    chain.step("raven-calibrate", calibrate, "register {hardstop.mcap} --robot {robot.yaml} --cameras {cameras.yaml} -o {cameras.yaml}")?;
+    for motion in ["sinusoid", "fls"] {
+        let what = format!("{{{motion}.mcap}} --robot {{robot.yaml}} --cameras {{cameras.yaml}} -o {{{motion}-tracked.mcap}}");
+        chain.step("raven-track", track, &what)?;
+    }
+    chain.step("raven-identify", identify, "{sinusoid-tracked.mcap} --robot {robot.yaml} --cameras {cameras.yaml} -o {identified.yaml}")?;
+    chain.step("raven-identify", identify, "export {identified.yaml} --format defines -o {defines_calibrated.h}")?;
+    chain.step("raven-identify", identify, "export {identified.yaml} --format rosparam -o {calibrated.yaml}")?;
+    let plots = "--json {replay.json} --plot {replay.svg}";
+    chain.step("raven-replay", replay, &format!("{{fls-tracked.mcap}} --robot {{identified.yaml}} --cameras {{cameras.yaml}} {plots}"))?;
+    for (robot, report) in [("robot.yaml", "gap-before.json"), ("identified.yaml", "gap-after.json")] {
+        let what = format!("{{fls-tracked.mcap}} --robot {{{robot}}} --cameras {{cameras.yaml}} --json {{{report}}}");
+        chain.step("raven-diagnose", diagnose, &what)?;
+    }
+    let verdict = against_truth(folder)?;
+    chain.say(&format!(
+        "{verdict}\nThe whole session took {:.0} s. Everything is in {}.",
+        started.elapsed().as_secs_f64(),
+        folder.display()
+    ))?;
+    files::write_atomic(&folder.join("tour.txt"), chain.transcript.as_bytes())?;
+    Ok(Outcome::Done)
+}
+
+/// Runs the steps one after the other and keeps what they printed.
+struct Chain<'a> {
+    folder: &'a Path,
+    out: &'a mut dyn Write,
+    transcript: String,
+}
+
+impl Chain<'_> {
+    /// Runs a program; `{name}` in its arguments is the file `name` in the tour's folder.
+    fn step(&mut self, name: &str, program: Program, arguments: &str) -> Result<()> {
+        let expand = |word: &str| match word.strip_prefix('{').and_then(|w| w.strip_suffix('}')) {
+            Some(file) => self.folder.join(file).display().to_string(),
+            None => word.to_owned(),
+        };
+        let typed: Vec<String> = [name.to_owned()].into_iter().chain(arguments.split_whitespace().map(expand)).collect();
+        let shown: Vec<String> = typed.iter().map(|w| if w.contains(' ') { format!("'{w}'") } else { w.clone() }).collect();
+        self.say(&format!("$ {}", shown.join(" ")))?;
+        let mut printed = Vec::new();
+        program(&typed, &mut printed)?;
+        self.say(&String::from_utf8_lossy(&printed))
+    }
+
+    fn say(&mut self, text: &str) -> Result<()> {
+        let _ = writeln!(self.transcript, "{text}");
+        writeln!(self.out, "{text}").map_err(|e| Error::io(Path::new("standard output"), "write", e))
+    }
+}
+
+fn parse<A: Parser>(typed: &[String]) -> Result<A> {
+    A::try_parse_from(typed).map_err(|e| Error::Argument(e.to_string()))
+}
+
+fn capture(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_capture::run(parse(typed)?, out)
+}
+
+fn calibrate(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_calibrate::run(parse(typed)?, out)
+}
+
+fn track(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_track::run(parse(typed)?, out)
+}
+
+fn identify(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_identify::run(parse(typed)?, out)
+}
+
+fn replay(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    crate::run(parse(typed)?, out)
+}
+
+fn diagnose(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_diagnose::run(parse(typed)?, out)
+}
+
+/// What identification found beside what the simulation had hidden.
+fn against_truth(folder: &Path) -> Result<String> {
+    let path = folder.join("truth.json");
+    let truth: serde_json::Value =
+        serde_json::from_str(&files::read_text(&path)?).map_err(|e| Error::file(&path, format!("is no JSON: {e}.")))?;
+    let identified = Robot::read(&folder.join("identified.yaml"))?;
+    let radius = identified.joints.first().map_or(f64::NAN, |j| j.link_pulley_radius);
+    let hidden = truth["r_l1_m"].as_f64().ok_or_else(|| Error::file(&path, "has no number `r_l1_m`."))?;
+    let std = identified.calibration.iter().find(|c| c.parameter == "r_l1").map_or(f64::NAN, |c| c.std);
+    Ok(format!(
+        "The shoulder's pulley: hidden {:.3} mm, identified {:.3} +- {:.3} mm ({:+.2} %), nominal {:.3} mm.",
+        hidden * 1e3,
+        radius * 1e3,
+        std * 1e3,
+        100.0 * (radius / hidden - 1.0),
+        nominal::gold().joints[0].link_pulley_radius * 1e3
+    ))
+}

@@ -1,0 +1,117 @@
+//! What users do by accident: every program answers with one sentence that names the file, and leaves nothing half written.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use clap::Parser;
+use raven::robot::nominal;
+use raven_tests::{Run, typed};
+
+/// A short session without images and its files, simulated once.
+static SESSION: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("robot.yaml"), nominal::GOLD_YAML).unwrap();
+    let simulate = [
+        "simulate",
+        "--robot",
+        "{robot.yaml}",
+        "--motion",
+        "sinusoid",
+        "--duration",
+        "3",
+        "--cameras-out",
+        "{cameras.yaml}",
+        "-o",
+        "{log.mcap}",
+    ];
+    typed(at, raven_capture::run, &simulate).unwrap();
+    let log = std::fs::read(at.join("log.mcap")).unwrap();
+    std::fs::write(at.join("cut.mcap"), &log[..log.len() * 2 / 3]).unwrap();
+    std::fs::write(at.join("text.mcap"), "this is no log").unwrap();
+    std::fs::write(at.join("empty.mcap"), "").unwrap();
+    let millimetres = nominal::GOLD_YAML.replace("link_pulley_radius: 63.095e-3", "link_pulley_radius: 63.095");
+    std::fs::write(at.join("millimetres.yaml"), millimetres).unwrap();
+    std::fs::write(at.join("key.yaml"), nominal::GOLD_YAML.replace("hard_stop: 0.0\n", "hardstop: 0.0\n")).unwrap();
+    folder
+});
+
+/// Runs a program that must fail, checks what it says, and that it left nothing behind.
+fn fails<A: Parser>(run: Run<A>, arguments: &[&str], must_say: &[&str]) {
+    let at = SESSION.path();
+    let files = |at: &Path| {
+        let mut names: Vec<_> = std::fs::read_dir(at).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = files(at);
+    let said = typed(at, run, arguments).expect_err(&format!("{arguments:?} should fail"));
+    for words in must_say {
+        assert!(said.contains(words), "{arguments:?} says `{said}`, not `{words}`");
+    }
+    assert!(!said.trim_end().contains('\n') || said.contains("Usage"), "{arguments:?} says more than a sentence: {said}");
+    assert_eq!(files(at), before, "{arguments:?} left a file behind");
+}
+
+/// The programs that take a log and a robot file, each with the rest of its arguments.
+fn each_program(log: &str, robot: &str, must_say: &[&str]) {
+    fails(raven_track::run, &[log, "--robot", robot, "--cameras", "{cameras.yaml}", "-o", "{never.mcap}"], must_say);
+    fails(raven_identify::run, &[log, "--robot", robot, "--cameras", "{cameras.yaml}", "-o", "{never.yaml}"], must_say);
+    fails(raven_replay::run, &[log, "--robot", robot, "-o", "{never.mcap}"], must_say);
+    fails(raven_diagnose::run, &[log, "--robot", robot, "--json", "{never.json}"], must_say);
+}
+
+#[test]
+fn a_missing_log() {
+    each_program("{nowhere.mcap}", "{robot.yaml}", &["nowhere.mcap", "cannot read"]);
+    fails(raven_capture::run, &["check", "{nowhere.mcap}"], &["nowhere.mcap"]);
+    fails(
+        raven_calibrate::run,
+        &["cameras", "{nowhere.mcap}", "--board", "9x6", "--square", "0.012", "-o", "{never.yaml}"],
+        &["nowhere.mcap"],
+    );
+}
+
+#[test]
+fn a_missing_robot_file() {
+    each_program("{log.mcap}", "{nobody.yaml}", &["nobody.yaml", "cannot read"]);
+}
+
+#[test]
+fn a_log_cut_off() {
+    each_program("{cut.mcap}", "{robot.yaml}", &["cut.mcap", "recover"]);
+}
+
+#[test]
+fn a_file_that_is_no_log() {
+    each_program("{text.mcap}", "{robot.yaml}", &["text.mcap"]);
+    each_program("{empty.mcap}", "{robot.yaml}", &["empty.mcap"]);
+}
+
+#[test]
+fn a_radius_in_millimetres() {
+    each_program("{log.mcap}", "{millimetres.yaml}", &["millimetres.yaml", "joints.shoulder.link_pulley_radius is 63.095", "millimetres?"]);
+}
+
+#[test]
+fn a_key_that_is_not_in_the_format() {
+    each_program("{log.mcap}", "{key.yaml}", &["key.yaml", "hardstop", "line"]);
+}
+
+#[test]
+fn a_log_without_the_needed_topic() {
+    fails(
+        raven_track::run,
+        &["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "-o", "{never.mcap}"],
+        &["log.mcap", "image"],
+    );
+    fails(raven_calibrate::run, &["cameras", "{log.mcap}", "--board", "9x6", "--square", "0.012", "-o", "{never.yaml}"], &["log.mcap"]);
+}
+
+#[test]
+fn an_empty_selection() {
+    let parameters = ["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--parameters", "", "-o", "{never.yaml}"];
+    fails(raven_identify::run, &parameters, &["parameter"]);
+    let unknown = ["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--parameters", "r_l9", "-o", "{never.yaml}"];
+    fails(raven_identify::run, &unknown, &["r_l9"]);
+}

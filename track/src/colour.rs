@@ -1,0 +1,119 @@
+//! Which pixels have the marker's colour: a threshold in hue, saturation and value.
+//!
+//! Hue, saturation and value are OpenCV's 8-bit ones (`COLOR_RGB2HSV`), in the same fixed-point arithmetic with 12 fractional bits, so
+//! that a mask made here is the mask that OpenCV makes:
+//!
+//! ```text
+//! V = max(R, G, B)      S = 255 (V - min) / V      H = 30 (G - B) / (V - min)  where V = R, and so on by thirds of the circle, 0..179
+//! ```
+
+use image::{GrayImage, Luma, Rgb, RgbImage};
+
+use crate::marker::Region;
+
+/// The marker's colour as ranges, bounds included.
+///
+/// The default is a saturated green, hue 90 to 150 deg, saturation at least 0.45, value at least 0.15. Foliage, cloth and metal under
+/// white light stay below 0.35 of saturation; the lower bound lets the shaded side of a sphere and moderate motion blur through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MarkerColour {
+    /// From and to, on the circle of 360 deg [deg]: 90 to 150 is green, 340 to 20 is red.
+    pub hue_deg: [f64; 2],
+    /// Least saturation, 0 to 1.
+    pub min_saturation: f64,
+    /// Least value, 0 to 1.
+    pub min_value: f64,
+}
+
+impl Default for MarkerColour {
+    fn default() -> Self {
+        Self { hue_deg: [90.0, 150.0], min_saturation: 0.45, min_value: 0.15 }
+    }
+}
+
+/// Hue 0 to 179 (half degrees), saturation and value 0 to 255 of one pixel.
+#[must_use]
+pub fn hsv(Rgb([red, green, blue]): Rgb<u8>) -> [u8; 3] {
+    let [r, g, b] = [red, green, blue].map(i32::from);
+    let value = r.max(g).max(b);
+    let range = value - r.min(g).min(b);
+    let saturation = (range * SATURATION[value as usize] + HALF) >> SHIFT;
+    let sixths = if value == r {
+        g - b
+    } else if value == g {
+        b - r + 2 * range
+    } else {
+        r - g + 4 * range
+    };
+    let hue = (sixths * HUE[range as usize] + HALF) >> SHIFT;
+    let hue = if hue < 0 { hue + 180 } else { hue };
+    [hue as u8, saturation as u8, value as u8]
+}
+
+const SHIFT: i32 = 12;
+const HALF: i32 = 1 << (SHIFT - 1);
+const SATURATION: [i32; 256] = reciprocals(255 << SHIFT);
+const HUE: [i32; 256] = reciprocals(30 << SHIFT);
+
+/// `numerator / i`, rounded; 0 for 0.
+const fn reciprocals(numerator: i32) -> [i32; 256] {
+    let mut table = [0; 256];
+    let mut i = 1;
+    while i < 256 {
+        table[i] = (2 * numerator + i as i32) / (2 * i as i32);
+        i += 1;
+    }
+    table
+}
+
+impl MarkerColour {
+    /// The ranges in OpenCV's units, `[hue from, hue to, saturation, value]`, as its `inRange` takes them (hue 90 to 150 deg is 45 to 75).
+    #[must_use]
+    pub fn opencv_bounds(&self) -> [u8; 4] {
+        let hue = |degrees: f64| ((degrees / 2.0).round().rem_euclid(180.0)) as u8;
+        let share = |part: f64| (part.clamp(0.0, 1.0) * 255.0).round() as u8;
+        [hue(self.hue_deg[0]), hue(self.hue_deg[1]), share(self.min_saturation), share(self.min_value)]
+    }
+
+    /// White (255) where a pixel of `image` within `region` has the colour, black elsewhere; as large as the region.
+    ///
+    /// The region must lie in the image: see [`Region::clipped`].
+    #[must_use]
+    pub fn mask(&self, image: &RgbImage, region: Region) -> GrayImage {
+        let [from, to, min_saturation, min_value] = self.opencv_bounds();
+        GrayImage::from_fn(region.width, region.height, |x, y| {
+            let [hue, saturation, value] = hsv(*image.get_pixel(region.x + x, region.y + y));
+            let hue_fits = if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to };
+            Luma([if hue_fits && saturation >= min_saturation && value >= min_value { 255 } else { 0 }])
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hsv_of_known_colours() {
+        // Values as OpenCV 5.0 converts them.
+        for (rgb, expected) in [
+            ([255, 0, 0], [0, 255, 255]),
+            ([0, 255, 0], [60, 255, 255]),
+            ([0, 0, 255], [120, 255, 255]),
+            ([10, 20, 30], [105, 170, 30]),
+            ([255, 0, 1], [0, 255, 255]),
+            ([200, 20, 60], [173, 229, 200]),
+            ([1, 2, 2], [90, 128, 2]),
+        ] {
+            assert_eq!(hsv(Rgb(rgb)), expected, "{rgb:?}");
+        }
+    }
+
+    #[test]
+    fn a_range_over_zero_is_red() {
+        let red = MarkerColour { hue_deg: [340.0, 20.0], ..MarkerColour::default() };
+        let image = RgbImage::from_fn(3, 1, |x, _| Rgb([[200, 20, 60], [200, 60, 20], [20, 200, 20]][x as usize]));
+        let mask = red.mask(&image, Region { x: 0, y: 0, width: 3, height: 1 });
+        assert_eq!(mask.as_raw(), &[255, 255, 0]);
+    }
+}

@@ -1,0 +1,109 @@
+//! The marker's candidates in one frame: blobs of the right colour, size and shape around where the marker is expected.
+
+use std::f64::consts::PI;
+
+use image::RgbImage;
+use nalgebra::Vector2;
+use raven::camera::Pinhole;
+
+use crate::colour::MarkerColour;
+use crate::lock::Size;
+use crate::marker::{Blob, Centre, Region, blobs};
+use crate::perspective::ball_centre;
+use crate::predict::View;
+
+/// Side of the region of interest while the marker is seen [px].
+pub const REGION_PX: f64 = 100.0;
+/// Side of the region of interest at the start [px].
+const FIRST_REGION_PX: f64 = 300.0;
+/// The region is at least so many radii of the marker wide.
+const REGION_RADII: f64 = 8.0;
+/// What is flatter or less like an ellipse is no ball, even in motion.
+const MIN_ASPECT: f64 = 0.6;
+const MIN_FILL: f64 = 0.9;
+
+/// What the marker looks like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Marker {
+    /// Its colour.
+    pub colour: MarkerColour,
+    /// Its radius [m].
+    pub radius_m: f64,
+    /// Which centre of a blob to take.
+    pub centre: Centre,
+}
+
+/// A blob that may be the marker.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Image of the ball's centre [px].
+    pub centre: Vector2<f64>,
+    /// Standard deviation per axis [px].
+    pub std_px: f64,
+    /// Radius [px].
+    pub radius_px: f64,
+    /// Area over the area expected at the predicted depth.
+    pub share: f64,
+}
+
+/// One camera's search from frame to frame.
+#[derive(Debug, Clone)]
+pub struct Search {
+    camera: Pinhole,
+    marker: Marker,
+    side_px: f64,
+    /// How large the marker usually is.
+    pub size: Size,
+}
+
+impl Search {
+    /// A search in the images of a camera.
+    #[must_use]
+    pub fn new(camera: Pinhole, marker: Marker) -> Self {
+        Self { camera, marker, side_px: FIRST_REGION_PX, size: Size::default() }
+    }
+
+    /// Candidates around the expected place, the largest first. Where a blob reaches over the edge of the region, a region twice as wide
+    /// is searched.
+    #[must_use]
+    pub fn look(&self, image: &RgbImage, expected: &View) -> Vec<Candidate> {
+        let radius_px = self.marker.radius_m * expected.px_per_m;
+        let mut side = self.side_px.max(REGION_RADII * radius_px);
+        loop {
+            let found = blobs(image, Some(Region::around(&expected.pixel, side as u32)), &self.marker.colour);
+            let candidates: Vec<Candidate> = found.iter().filter_map(|blob| self.candidate(blob, radius_px)).collect();
+            if !candidates.is_empty() || side >= self.largest_px() || !found.iter().any(|blob| blob.cut_off) {
+                return candidates;
+            }
+            side *= 2.0;
+        }
+    }
+
+    fn candidate(&self, blob: &Blob, radius_px: f64) -> Option<Candidate> {
+        let share = blob.area_px / (PI * radius_px * radius_px);
+        let round = blob.aspect >= MIN_ASPECT && blob.ellipse_fill >= MIN_FILL;
+        let (outline, std_px) = blob.centre(self.marker.centre);
+        (round && !blob.cut_off && self.size.fits(share)).then(|| Candidate {
+            centre: ball_centre(&self.camera, &outline, blob.radius_px),
+            std_px,
+            radius_px: blob.radius_px,
+            share,
+        })
+    }
+
+    /// The marker was seen: the region shrinks.
+    pub fn seen(&mut self, share: f64) {
+        self.size.accept(share);
+        self.side_px = (0.5 * self.side_px).max(REGION_PX);
+    }
+
+    /// The marker was not found: the region grows, up to twice the image.
+    pub fn lost(&mut self) {
+        self.size.lost();
+        self.side_px = (1.5 * self.side_px).min(self.largest_px());
+    }
+
+    fn largest_px(&self) -> f64 {
+        2.0 * f64::from(self.camera.width.max(self.camera.height))
+    }
+}

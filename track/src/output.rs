@@ -1,0 +1,83 @@
+//! The tracked log: what came from the robot byte for byte, the tip, and the files it was made with.
+
+use std::path::Path;
+
+use raven::Result;
+use raven::log::{Item, LogWriter, Side, TipObservation, TipStatus, Walker, topics};
+
+use crate::tracker::{Record, Sighting};
+
+const ROBOT: &str = "robot.yaml";
+const CAMERAS: &str = "cameras.yaml";
+const YAML: &str = "application/yaml";
+
+/// What goes into a tracked log beside what the recording has.
+#[derive(Debug, Clone, Copy)]
+pub struct Contents<'a> {
+    /// Tip observations in the order of time.
+    pub tips: &'a [TipObservation],
+    /// What was seen in the frames of each camera.
+    pub records: &'a [Vec<Record>; 2],
+    /// Text of the robot file.
+    pub robot: &'a str,
+    /// Text of the cameras file.
+    pub cameras: &'a str,
+}
+
+/// Writes `output` from `recording`: every topic but images, earlier tips and drawings; metadata and attachments; tips and drawings.
+///
+/// # Errors
+/// If the recording cannot be read or the disk is full; `output` is then left as it was.
+pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<()> {
+    let mut log = LogWriter::create(output)?;
+    let mut channels = std::collections::HashMap::new();
+    let mut tips = contents.tips.iter().peekable();
+    let mut walker = Walker::open(recording)?;
+    walker.run(|item| {
+        match item {
+            Item::Channel(channel) if is_kept(&channel.topic) => {
+                channels.insert(channel.id, log.copy_channel(channel)?);
+            }
+            Item::Message(message) => {
+                while let Some(tip) = tips.next_if(|tip| tip.stamp <= message.log_time) {
+                    log.tip(tip)?;
+                }
+                if let Some(&id) = channels.get(&message.channel.id) {
+                    log.copy_message(id, &message)?;
+                }
+            }
+            Item::Attachment(attachment) if ![ROBOT, CAMERAS].contains(&attachment.name.as_str()) => log.copy_attachment(&attachment)?,
+            Item::Metadata(name, pairs) => log.metadata(&name, &pairs)?,
+            Item::Start(_) | Item::Channel(_) | Item::Attachment(_) => {}
+        }
+        Ok(())
+    })?;
+    walker.require_whole()?;
+    for tip in tips {
+        log.tip(tip)?;
+    }
+    draw(&mut log, contents.records)?;
+    log.attachment(ROBOT, YAML, contents.robot.as_bytes())?;
+    log.attachment(CAMERAS, YAML, contents.cameras.as_bytes())?;
+    log.finish()
+}
+
+fn is_kept(topic: &str) -> bool {
+    topics::camera_of(topic).is_none() && ![topics::TIP, topics::LEFT_ANNOTATIONS, topics::RIGHT_ANNOTATIONS].contains(&topic)
+}
+
+/// Circles around the marker, with the stamps of the images.
+fn draw(log: &mut LogWriter, records: &[Vec<Record>; 2]) -> Result<()> {
+    for (side, records) in Side::BOTH.into_iter().zip(records) {
+        for record in records {
+            let marker = match record.sighting {
+                Sighting::Seen(c) => Some((c, TipStatus::Seen)),
+                Sighting::Rejected(c) => Some((c, TipStatus::Jumped)),
+                Sighting::Hidden => None,
+            };
+            let circle = marker.map(|(c, status)| (c.centre.into(), status, 2.0 * c.radius_px));
+            log.annotations(side, record.stamp, circle, &[])?;
+        }
+    }
+    Ok(())
+}

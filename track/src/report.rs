@@ -1,0 +1,80 @@
+//! What tracking made of a recording, for people and for scripts.
+
+use std::fmt;
+
+use raven::log::TipStatus;
+use serde::Serialize;
+
+use crate::batches::Counts;
+use crate::tips::Tips;
+
+/// The result of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Report {
+    /// Left frames, each with a tip observation.
+    pub pairs: usize,
+    /// Observations with a position.
+    pub seen: usize,
+    /// Observations in which the marker was not found or partly hidden, in one camera at least.
+    pub occluded: usize,
+    /// Observations that were rejected.
+    pub jumped: usize,
+    /// Time for all [s].
+    pub seconds: f64,
+    /// Left frames per second.
+    pub pairs_per_second: f64,
+    /// Median of the stamp of the nearest right frame minus that of each left frame [s].
+    pub right_minus_left_s: f64,
+    /// Standard deviation of the stamps, left and right [s].
+    pub stamp_jitter_s: [f64; 2],
+    /// Frames that were cut off or could not be decoded.
+    pub frames_undecodable: usize,
+    /// Frames left out as their stamp was not after that of the frame before.
+    pub frames_out_of_order: usize,
+    /// Frames at whose time the log has no motor angles.
+    pub frames_without_motor: usize,
+}
+
+impl Report {
+    /// Of the observations and what was counted on the way.
+    #[must_use]
+    pub fn new(tips: &Tips, counts: Counts, frames_without_motor: usize, seconds: f64) -> Self {
+        let count = |status| tips.tips.iter().filter(|tip| tip.status == status).count();
+        Self {
+            pairs: tips.tips.len(),
+            seen: count(TipStatus::Seen),
+            occluded: count(TipStatus::Occluded),
+            jumped: count(TipStatus::Jumped),
+            seconds,
+            pairs_per_second: tips.tips.len() as f64 / seconds.max(1e-9),
+            right_minus_left_s: tips.right_minus_left_s,
+            stamp_jitter_s: tips.jitter_s,
+            frames_undecodable: counts.undecodable,
+            frames_out_of_order: counts.out_of_order,
+            frames_without_motor,
+        }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let share = |count: usize| 100.0 * count as f64 / self.pairs.max(1) as f64;
+        writeln!(f, "pairs             {:6}", self.pairs)?;
+        for (name, count) in [("seen", self.seen), ("occluded", self.occluded), ("jumped", self.jumped)] {
+            writeln!(f, "  {name:15} {count:6}  {:5.1} %", share(count))?;
+        }
+        writeln!(f, "right minus left  {:6.2} ms", 1e3 * self.right_minus_left_s)?;
+        let [left, right] = self.stamp_jitter_s;
+        writeln!(f, "stamp jitter      {:6.2} ms left, {:.2} ms right", 1e3 * left, 1e3 * right)?;
+        for (name, count) in [
+            ("undecodable", self.frames_undecodable),
+            ("out of order", self.frames_out_of_order),
+            ("without motors", self.frames_without_motor),
+        ] {
+            if count > 0 {
+                writeln!(f, "frames {name:15} {count}")?;
+            }
+        }
+        writeln!(f, "time              {:6.1} s, {:.0} pairs/s", self.seconds, self.pairs_per_second)
+    }
+}

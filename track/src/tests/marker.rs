@@ -1,0 +1,87 @@
+//! Centres of rendered balls against where they were put.
+
+use nalgebra::{Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use raven::camera::Pinhole;
+
+use super::scene::Scene;
+use crate::colour::MarkerColour;
+use crate::marker::{Blob, CONTOUR_STD_PX, Region, blobs};
+
+fn small_camera() -> Pinhole {
+    Pinhole { width: 96, height: 96, fx: 600.0, fy: 600.0, cx: 47.5, cy: 47.5, distortion: [0.0; 5] }
+}
+
+/// Blob and true centre [px] of a moving ball under light from somewhere above, on many backgrounds.
+fn balls(radius_px: f64, count: u64, change: impl Fn(&mut Scene)) -> Vec<(Blob, Vector2<f64>)> {
+    let camera = small_camera();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    (0..count)
+        .map(|seed| {
+            let mut scene = Scene { background: seed, ..Scene::new(camera) };
+            scene.light = Vector3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..0.2), rng.random_range(-1.0..-0.2)).normalize();
+            scene.shaft_angle = Some(rng.random_range(0.0..std::f64::consts::TAU));
+            change(&mut scene);
+            let depth = camera.fx * scene.radius_m / radius_px;
+            let mut shift = |px: f64| rng.random_range(-px..px) * depth / camera.fx;
+            let centre = Vector3::new(shift(6.0), shift(6.0), depth);
+            let speed = Vector3::new(shift(1.0), shift(1.0), 0.0);
+            let path: Vec<_> = (-2..=2).map(|i| centre + speed * f64::from(i) / 4.0).collect();
+            let found = blobs(&scene.render(&path, seed), None, &MarkerColour::default());
+            (found[0], camera.project(&centre).unwrap())
+        })
+        .collect()
+}
+
+fn rms(errors: impl Iterator<Item = Vector2<f64>>) -> f64 {
+    let (sum, count) = errors.fold((0.0, 0.0), |(s, n), e| (s + e.norm_squared() / 2.0, n + 1.0));
+    (sum / count).sqrt()
+}
+
+#[test]
+fn the_ball_is_found_where_it_is_and_as_well_as_it_says() {
+    for radius_px in [5.0, 7.0, 10.0] {
+        let found = balls(radius_px, 60, |_| ());
+        let error = rms(found.iter().map(|(blob, truth)| blob.centre_px - truth));
+        let contour = rms(found.iter().map(|(blob, truth)| blob.contour_px - truth));
+        assert!(error < 0.12 && contour < 1.2 * CONTOUR_STD_PX, "radius {radius_px}: ball {error:.3}, contour {contour:.3} px rms");
+        let squared = found.iter().map(|(b, truth)| (b.centre_px - truth).norm_squared() / (2.0 * b.std_px * b.std_px));
+        let (normalised, beyond) = squared.fold((0.0, 0), |(sum, n), z2| (sum + z2 / 60.0, n + i32::from(z2 > 4.5)));
+        assert!((0.4..2.0).contains(&normalised) && beyond <= 4, "radius {radius_px}: {normalised:.2} of the stated variance");
+        let radius = found.iter().map(|(b, _)| b.radius_px / 60.0).sum::<f64>();
+        assert!((radius - radius_px).abs() < 0.1, "{radius} for {radius_px}");
+    }
+}
+
+#[test]
+fn light_from_one_side_shifts_the_contour_and_not_the_ball() {
+    let found = balls(8.0, 40, |scene| scene.light = Vector3::new(0.0, -0.9, -0.44));
+    let mean = |pick: fn(&Blob) -> Vector2<f64>| found.iter().map(|(b, t)| pick(b) - t).sum::<Vector2<f64>>() / 40.0;
+    let (contour, ball) = (mean(|b| b.contour_px), mean(|b| b.centre_px));
+    assert!(contour.y.abs() > 0.25 && ball.norm() < 0.10, "{contour} {ball}");
+}
+
+#[test]
+fn without_compression_and_shade_it_is_better_still() {
+    let found = balls(8.0, 40, |scene| {
+        (scene.quality, scene.ambient, scene.specular, scene.shaft_angle) = (None, 1.0, 0.0, None);
+    });
+    assert!(rms(found.iter().map(|(b, t)| b.centre_px - t)) < 0.06);
+}
+
+#[test]
+fn a_region_gives_the_same_blob_and_says_where_it_is_cut_off() {
+    let camera = small_camera();
+    let scene = Scene::new(camera);
+    let image = scene.render(&[Vector3::new(0.005, 0.0, 0.4)], 3);
+    let whole = blobs(&image, None, &MarkerColour::default())[0];
+    assert!(!whole.cut_off && whole.aspect > 0.8 && (0.95..1.02).contains(&whole.ellipse_fill));
+    let around = Region::around(&whole.centre_px, 40);
+    let near = blobs(&image, Some(around), &MarkerColour::default())[0];
+    assert!((near.contour_px - whole.contour_px).norm() < 1e-9 && (near.centre_px - whole.centre_px).norm() < 1e-9);
+    assert_eq!(near.area_px, whole.area_px);
+    let half = blobs(&image, Some(Region { width: 22, ..around }), &MarkerColour::default())[0];
+    assert!(half.cut_off);
+    assert!(blobs(&image, Some(Region { x: 200, y: 0, width: 5, height: 5 }), &MarkerColour::default()).is_empty());
+}

@@ -1,0 +1,4 @@
+//! Tests on rendered images.
+
+mod marker;
+mod scene;

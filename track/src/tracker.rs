@@ -1,0 +1,185 @@
+//! Follows the marker through the frames of both cameras and decides which blob is it.
+//!
+//! A blob is the marker if its size fits and, when both cameras have one, if their rays meet and the point is where the motors put the
+//! tip, up to a difference that changes slowly (see [`crate::lock`]). Frames of the two cameras that are not taken at the same time are
+//! compared after moving the right one by the predicted motion between them; the track itself is free of that.
+
+use image::RgbImage;
+use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector2, Vector3};
+use raven::camera::Cameras;
+use raven::log::{Side, Stamp};
+
+use crate::lock::Lock;
+use crate::look::{Candidate, Marker, Search};
+use crate::predict::{Predictor, View, view};
+
+/// Standard deviation of what calibration leaves between the cameras [px].
+pub const CALIBRATION_STD_PX: f64 = 0.5;
+/// Chi-square with one degree of freedom that is exceeded by chance in 1 of 10000: the rays do not meet.
+pub const EPIPOLAR_CHI2: f64 = 15.1;
+/// Standard deviation of a candidate's area, logarithmic: mask edges, light, motion blur.
+const AREA_STD: f64 = 0.3;
+
+/// A decoded frame.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// When it was taken.
+    pub stamp: Stamp,
+    /// Its pixels.
+    pub image: RgbImage,
+}
+
+/// What became of the marker in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sighting {
+    /// Found and accepted.
+    Seen(Candidate),
+    /// Not found, or too much of it hidden.
+    Hidden,
+    /// Found where it cannot be.
+    Rejected(Candidate),
+}
+
+/// One frame's sighting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Record {
+    /// Stamp of the frame.
+    pub stamp: Stamp,
+    /// What was seen.
+    pub sighting: Sighting,
+}
+
+/// Follows the marker.
+pub struct Tracker<'a> {
+    cameras: &'a Cameras,
+    base_from_left: Isometry3<f64>,
+    predictor: &'a Predictor<'a>,
+    search: [Search; 2],
+    lock: Lock,
+    records: [Vec<Record>; 2],
+    without_motor: usize,
+}
+
+/// What one frame shows.
+struct Look {
+    stamp: Stamp,
+    tip: Vector3<f64>,
+    expected: View,
+    candidates: Vec<Candidate>,
+}
+
+/// A candidate of each camera, taken together.
+struct Pair {
+    chosen: [Candidate; 2],
+    offset_m: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    /// `None` if the change is impossible.
+    cost: Option<f64>,
+}
+
+impl<'a> Tracker<'a> {
+    /// A tracker for registered cameras.
+    #[must_use]
+    pub fn new(cameras: &'a Cameras, base_from_left: Isometry3<f64>, predictor: &'a Predictor<'a>, marker: Marker) -> Self {
+        let search = [cameras.left, cameras.right].map(|camera| Search::new(camera, marker));
+        let records = [Vec::new(), Vec::new()];
+        Self { cameras, base_from_left, predictor, search, lock: Lock::default(), records, without_motor: 0 }
+    }
+
+    /// Takes the next frame of one camera, or of both if they belong together, left first.
+    pub fn step(&mut self, frames: [Option<&Frame>; 2]) {
+        let this = &*self;
+        let look = |side: Side| frames[side as usize].map(|frame| this.look(side, frame));
+        let (left, right) = rayon::join(|| look(Side::Left), || look(Side::Right));
+        let looks = [left.flatten(), right.flatten()];
+        let sightings = self.decide(&looks);
+        for (k, frame) in frames.into_iter().enumerate() {
+            let Some(frame) = frame else { continue };
+            match sightings[k] {
+                Sighting::Seen(candidate) => self.search[k].seen(candidate.share),
+                Sighting::Hidden if looks[k].is_some() => self.search[k].lost(),
+                Sighting::Hidden => self.without_motor += 1,
+                Sighting::Rejected(_) => {}
+            }
+            self.records[k].push(Record { stamp: frame.stamp, sighting: sightings[k] });
+        }
+    }
+
+    /// What was seen, left and right, and the number of frames at whose time the log has no motor angles.
+    #[must_use]
+    pub fn finish(self) -> ([Vec<Record>; 2], usize) {
+        (self.records, self.without_motor)
+    }
+
+    fn look(&self, side: Side, frame: &Frame) -> Option<Look> {
+        let tip = self.predictor.tip(frame.stamp)?;
+        let expected = view(self.cameras, side, &(tip + self.lock.offset_m()))?;
+        let candidates = self.search[side as usize].look(&frame.image, &expected);
+        Some(Look { stamp: frame.stamp, tip, expected, candidates })
+    }
+
+    fn decide(&mut self, looks: &[Option<Look>; 2]) -> [Sighting; 2] {
+        if let [Some(left), Some(right)] = looks
+            && !left.candidates.is_empty()
+            && !right.candidates.is_empty()
+        {
+            return self.decide_pair(left, right);
+        }
+        [0, 1].map(|k| looks[k].as_ref().map_or(Sighting::Hidden, |look| self.decide_alone(look)))
+    }
+
+    /// One camera alone can follow the marker but not find it for the first time.
+    fn decide_alone(&self, look: &Look) -> Sighting {
+        let off = |c: &Candidate| (c.centre - look.expected.pixel).norm();
+        let Some(nearest) = look.candidates.iter().min_by(|a, b| off(a).total_cmp(&off(b))) else { return Sighting::Hidden };
+        let reach_px = self.lock.reach_m(self.seconds(look.stamp)) * look.expected.px_per_m;
+        if self.lock.is_set() && off(nearest) <= reach_px { Sighting::Seen(*nearest) } else { Sighting::Rejected(*nearest) }
+    }
+
+    fn decide_pair(&mut self, left: &Look, right: &Look) -> [Sighting; 2] {
+        let time_s = self.seconds(left.stamp);
+        let pairs = left.candidates.iter().flat_map(|l| right.candidates.iter().map(move |r| [*l, *r]));
+        let pairs: Vec<Pair> = pairs.filter_map(|chosen| self.pair(chosen, left, right, time_s)).collect();
+        let possible = pairs.iter().filter_map(|pair| Some((pair, pair.cost?)));
+        if let Some((best, _)) = possible.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            self.lock.accept(best.offset_m, time_s);
+            return best.chosen.map(Sighting::Seen);
+        }
+        let nearest = pairs.iter().min_by(|a, b| a.offset_m.norm().total_cmp(&b.offset_m.norm()));
+        if let Some(nearest) = nearest
+            && self.lock.reject(nearest.offset_m, &nearest.covariance, time_s)
+        {
+            for search in &mut self.search {
+                search.size.forget();
+            }
+        }
+        nearest.map_or([left.candidates[0], right.candidates[0]], |pair| pair.chosen).map(Sighting::Rejected)
+    }
+
+    /// The point that two candidates make; `None` where their rays do not meet.
+    fn pair(&self, chosen: [Candidate; 2], left: &Look, right: &Look, time_s: f64) -> Option<Pair> {
+        let moved = view(self.cameras, Side::Right, &(left.tip + self.lock.offset_m()))?.pixel - right.expected.pixel;
+        let pixels = [chosen[0].centre, chosen[1].centre + moved];
+        let point = triangulate(self.cameras, &pixels, &chosen.map(|c| Matrix2::identity() * (c.std_px * c.std_px)))?;
+        if point.chi2 > EPIPOLAR_CHI2 {
+            return None;
+        }
+        let tip = (self.base_from_left * Point3::from(point.point_left)).coords;
+        let rotation = self.base_from_left.rotation.to_rotation_matrix();
+        let covariance = rotation * point.covariance * rotation.transpose();
+        let offset_m = tip - left.tip;
+        let odd_size: f64 = chosen.iter().map(|c| (c.share.ln() / AREA_STD).powi(2)).sum();
+        let cost = self.lock.distance2(&offset_m, &covariance, time_s).map(|distance2| distance2 + point.chi2 + odd_size);
+        Some(Pair { chosen, offset_m, covariance, cost })
+    }
+
+    fn seconds(&self, stamp: Stamp) -> f64 {
+        self.predictor.seconds(stamp)
+    }
+}
+
+/// The point that two pixels make, with `chi2` against their covariance [px^2] and the calibration's error.
+fn triangulate(cameras: &Cameras, pixels: &[Vector2<f64>; 2], covariance: &[Matrix2<f64>; 2]) -> Option<raven::camera::StereoPoint> {
+    let calibration = Matrix2::identity() * (CALIBRATION_STD_PX * CALIBRATION_STD_PX);
+    cameras.triangulate(pixels, &covariance.map(|c| c + calibration))
+}
