@@ -75,7 +75,7 @@ impl Studio {
     /// If `take` fails.
     pub fn shoot(&self, name: &str, scene: &Scene<'_>, shots: &[Shot], mut take: impl FnMut(&Shot, Vec<u8>) -> Result<()>) -> Result<()> {
         for batch in shots.chunks(BATCH) {
-            let jpegs: Vec<Vec<Result<Vec<u8>>>> = batch
+            let jpegs: Vec<Vec<Vec<u8>>> = batch
                 .par_chunks(SHARE)
                 .map(|share| {
                     let mut canvases = self.renderers.each_ref().map(Renderer::canvas);
@@ -83,13 +83,13 @@ impl Studio {
                 })
                 .collect();
             for (shot, jpeg) in batch.iter().zip(jpegs.into_iter().flatten()) {
-                take(shot, jpeg?)?;
+                take(shot, jpeg)?;
             }
         }
         Ok(())
     }
 
-    fn jpeg(&self, name: &str, scene: &Scene<'_>, shot: &Shot, canvases: &mut [Canvas; 2]) -> Result<Vec<u8>> {
+    fn jpeg(&self, name: &str, scene: &Scene<'_>, shot: &Shot, canvases: &mut [Canvas; 2]) -> Vec<u8> {
         let index = usize::from(shot.side == Side::Right);
         let (renderer, canvas) = (&self.renderers[index], &mut canvases[index]);
         let camera = self.camera(shot.side);
@@ -108,11 +108,11 @@ impl Studio {
                 }
             }
         }
-        let (width, height) = (camera.width, camera.height);
         let mut rng = stream(self.seed, &format!("noise {name} {} {}", shot.side.name(), shot.exposure.sequence));
-        let image = self.sensor.expose(canvas, width as usize, self.light(shot.exposure.time_s), &mut rng);
+        let image = self.sensor.expose(canvas, camera.width as usize, self.light(shot.exposure.time_s), &mut rng);
         renderer.wipe(canvas);
-        Sensor::jpeg(&image, width, height)
+        // Two webcams of 640 x 480: see `Rig`.
+        self.sensor.jpeg(&image, camera.width as u16, camera.height as u16)
     }
 
     fn camera(&self, side: Side) -> &Pinhole {

@@ -134,3 +134,35 @@ pub fn hidings(duration_s: f64, part: f64, rng: &mut impl Rng) -> Vec<Hiding> {
         hidings.push(Hiding { from_s, to_s: now, left: side != 1, right: side != 0 });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulation::truth::stream;
+
+    #[test]
+    fn cameras_run_free_and_lose_a_frame_now_and_then() {
+        let mut rng = stream(1, "frames");
+        let both = Side::BOTH.map(|side| exposures(side, 300.0, 15.0, &Delays::default(), &[], &mut rng));
+        for frames in &both {
+            let lost = 4500 - frames.len() as i64;
+            // 22 on average.
+            assert!((5..=45).contains(&lost), "{lost} lost");
+            let gap = frames.windows(2).map(|w| w[1].sequence - w[0].sequence).max();
+            assert!(gap >= Some(2));
+            let late: Vec<f64> = frames.iter().map(|f| f.stamp_s - f.time_s).collect();
+            let spread = (late.iter().map(|l| l * l).sum::<f64>() / late.len() as f64).sqrt();
+            assert!((0.9e-3..1.1e-3).contains(&spread), "{spread}");
+        }
+        assert!((both[0][0].time_s - both[1][0].time_s).abs() > 1e-3);
+    }
+
+    #[test]
+    fn the_marker_is_hidden_for_the_part_asked_for() {
+        let hidings = hidings(20_000.0, 0.1, &mut stream(2, "hidden"));
+        let hidden: f64 = hidings.iter().map(|h| h.to_s - h.from_s).sum();
+        assert!((hidden / 20_000.0 - 0.1).abs() < 0.01, "{hidden}");
+        assert!(hidings.iter().all(|h| h.left || h.right));
+        assert!(super::hidings(100.0, 0.0, &mut stream(2, "hidden")).is_empty());
+    }
+}

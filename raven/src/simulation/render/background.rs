@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Vector2, Vector3};
 use rand::{Rng, RngExt};
+use rayon::prelude::*;
 
 use super::Colour;
 use super::optics::{Optics, mix};
@@ -33,6 +34,7 @@ pub(crate) fn background(optics: &Optics, from_left: &Isometry3<f64>, seed: u64)
     };
     let quarter = 0.25 / optics.focal_px();
     (0..optics.len())
+        .into_par_iter()
         .map(|index| {
             let ray = optics.ray(index);
             let mut sum = [0.0; 3];
@@ -62,9 +64,10 @@ fn cutting(rng: &mut impl Rng) -> Cutting {
 }
 
 fn wall(point: &Vector2<f64>, cuttings: &[Cutting], salt: u64) -> Colour {
+    let light = 22.0 * mottle(point * 9.0, salt);
     let mut colour = [96.0, 94.0, 102.0];
     for (channel, value) in colour.iter_mut().enumerate() {
-        *value += 34.0 * mottle(point * 9.0, salt ^ channel as u64);
+        *value += light + 18.0 * mottle(point * 7.0, salt.wrapping_add(channel as u64 + 1));
     }
     if let Some(top) = cuttings.iter().rev().find(|cutting| inside(point, &cutting.corners)) {
         let grain = 5.0 * mottle(point * 60.0, salt ^ 17);

@@ -5,6 +5,7 @@
 
 mod background;
 mod board;
+mod jpeg;
 mod marker;
 mod optics;
 mod sensor;

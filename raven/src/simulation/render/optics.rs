@@ -1,6 +1,7 @@
 //! Rays of a camera: the normalised coordinates of every pixel's centre, so that drawing needs no lens model.
 
 use nalgebra::{Vector2, Vector3};
+use rayon::prelude::*;
 
 use super::Colour;
 use crate::camera::Pinhole;
@@ -35,7 +36,8 @@ impl Optics {
             let straight = || Vector2::new((pixel.x - camera.cx) / camera.fx, (pixel.y - camera.cy) / camera.fy);
             camera.undistort(&pixel).unwrap_or_else(straight)
         };
-        let rays = (0..camera.height).flat_map(|v| (0..camera.width).map(move |u| (u, v))).map(|(u, v)| ray(pixel(u, v))).collect();
+        let rays =
+            (0..camera.height * camera.width).into_par_iter().map(|index| ray(pixel(index % camera.width, index / camera.width))).collect();
         Self { camera, rays }
     }
 

@@ -1,13 +1,11 @@
 //! From light to a JPEG: brightness of the room, noise of the sensor, eight bits, compression.
 
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::Canvas;
+use super::jpeg::Encoder;
 use crate::simulation::truth::stream;
-use crate::{Error, Result};
 
 /// Standard deviation of a pixel [of 255].
 const NOISE: f64 = 1.5;
@@ -19,6 +17,7 @@ const QUALITY: u8 = 90;
 #[derive(Debug)]
 pub struct Sensor {
     store: Vec<i8>,
+    encoder: Encoder,
 }
 
 impl Sensor {
@@ -32,7 +31,7 @@ impl Sensor {
                 (NOISE * normal).round() as i8
             })
             .collect();
-        Self { store }
+        Self { store, encoder: Encoder::new(QUALITY) }
     }
 
     /// Eight-bit image, red green blue, of a canvas of `width` columns under a light of `gain`.
@@ -51,13 +50,8 @@ impl Sensor {
     }
 
     /// The JPEG of an eight-bit image.
-    ///
-    /// # Errors
-    /// If the image has more rows or columns than a JPEG can have.
-    pub fn jpeg(image: &[u8], width: u32, height: u32) -> Result<Vec<u8>> {
-        let mut jpeg = Vec::with_capacity(image.len() / 12);
-        let encoded = JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode(image, width, height, ExtendedColorType::Rgb8);
-        encoded.map_err(|e| Error::Data(format!("an image of {width} x {height} px cannot be compressed: {e}.")))?;
-        Ok(jpeg)
+    #[must_use]
+    pub fn jpeg(&self, image: &[u8], width: u16, height: u16) -> Vec<u8> {
+        self.encoder.encode(image, width, height)
     }
 }

@@ -1,6 +1,7 @@
 //! The plant against statics, energy, its own step and the parameters of each effect.
 
 mod effects;
+mod images;
 mod plant;
 mod session;
 
