@@ -34,14 +34,14 @@ mod tests {
         let camera = Pinhole { width: 640, height: 480, fx: 600.0, fy: 600.0, cx: 320.0, cy: 240.0, distortion: [0.0; 5] };
         for (centre, radius) in [(Vector3::new(0.12, 0.05, 0.3), 0.005), (Vector3::new(-0.1, -0.08, 0.25), 0.008)] {
             let distance = centre.norm();
-            let (axis, sin_alpha) = (centre / distance, radius / distance);
+            let (axis, sin_alpha): (Vector3<f64>, f64) = (centre / distance, radius / distance);
             let side = axis.cross(&Vector3::x()).normalize();
             let outline: Vec<Vector2<f64>> = (0..720)
                 .map(|i| {
                     let turn =
                         nalgebra::Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(axis), f64::from(i) * 0.5_f64.to_radians());
                     let cos_alpha = (1.0 - sin_alpha * sin_alpha).sqrt();
-                    camera.project(&(axis * cos_alpha + turn * side * sin_alpha)).unwrap()
+                    camera.project(&(axis * cos_alpha + (turn * side) * sin_alpha)).unwrap()
                 })
                 .collect();
             let (mut area, mut first) = (0.0, Vector2::zeros());
