@@ -7,7 +7,7 @@ use raven::camera::Pinhole;
 
 use super::scene::Scene;
 use crate::colour::MarkerColour;
-use crate::marker::{Blob, CONTOUR_STD_PX, Region, blobs};
+use crate::marker::{Blob, Region, blobs};
 
 fn small_camera() -> Pinhole {
     Pinhole { width: 96, height: 96, fx: 600.0, fy: 600.0, cx: 47.5, cy: 47.5, distortion: [0.0; 5] }
@@ -29,7 +29,9 @@ fn balls(radius_px: f64, count: u64, change: impl Fn(&mut Scene)) -> Vec<(Blob, 
             let speed = Vector3::new(shift(1.0), shift(1.0), 0.0);
             let path: Vec<_> = (-2..=2).map(|i| centre + speed * f64::from(i) / 4.0).collect();
             let found = blobs(&scene.render(&path, seed), None, &MarkerColour::default());
-            (found[0], camera.project(&centre).unwrap())
+            let truth = camera.project(&centre).unwrap();
+            let off = |blob: &&Blob| (blob.contour_px - truth).norm();
+            (*found.iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap(), truth)
         })
         .collect()
 }
@@ -39,18 +41,37 @@ fn rms(errors: impl Iterator<Item = Vector2<f64>>) -> f64 {
     (sum / count).sqrt()
 }
 
+/// Sixty scenes with light, compression, background and response as they come.
+fn all_kinds(radius_px: f64, gamma: f64) -> Vec<(Blob, Vector2<f64>)> {
+    let rng = std::cell::RefCell::new(ChaCha8Rng::seed_from_u64(77));
+    balls(radius_px, 60, |scene| {
+        let mut rng = rng.borrow_mut();
+        scene.gamma = gamma;
+        scene.texture = rng.random_range(0.2..0.8);
+        scene.quality = [None, Some(75), Some(85), Some(95)][rng.random_range(0..4)];
+        scene.specular = rng.random_range(0.0..100.0);
+        scene.ambient = rng.random_range(0.15..0.6);
+        scene.base = [0; 3].map(|_| rng.random_range(75.0..115.0));
+    })
+}
+
 #[test]
 fn the_ball_is_found_where_it_is_and_as_well_as_it_says() {
-    for radius_px in [5.0, 7.0, 10.0] {
-        let found = balls(radius_px, 60, |_| ());
+    for (radius_px, gamma, limit_px) in [(5.0, 1.0, 0.14), (7.0, 1.0, 0.10), (10.0, 1.0, 0.10), (7.0, 2.2, 0.18), (10.0, 2.2, 0.18)] {
+        let found = all_kinds(radius_px, gamma);
         let error = rms(found.iter().map(|(blob, truth)| blob.centre_px - truth));
         let contour = rms(found.iter().map(|(blob, truth)| blob.contour_px - truth));
-        assert!(error < 0.12 && contour < 1.2 * CONTOUR_STD_PX, "radius {radius_px}: ball {error:.3}, contour {contour:.3} px rms");
         let squared = found.iter().map(|(b, truth)| (b.centre_px - truth).norm_squared() / (2.0 * b.std_px * b.std_px));
         let (normalised, beyond) = squared.fold((0.0, 0), |(sum, n), z2| (sum + z2 / 60.0, n + i32::from(z2 > 4.5)));
-        assert!((0.4..2.0).contains(&normalised) && beyond <= 4, "radius {radius_px}: {normalised:.2} of the stated variance");
         let radius = found.iter().map(|(b, _)| b.radius_px / 60.0).sum::<f64>();
-        assert!((radius - radius_px).abs() < 0.1, "{radius} for {radius_px}");
+        let case = format!(
+            "radius {radius_px} px, gamma {gamma}: ball {error:.3}, contour {contour:.3} px rms, {normalised:.2} of the stated variance, \
+             {beyond} beyond three sigma, radius {radius:.2}"
+        );
+        eprintln!("{case}");
+        assert!(error < limit_px && error < contour / 2.0, "{case}");
+        assert!((0.2..2.0).contains(&normalised) && beyond <= 4, "{case}");
+        assert!((radius - radius_px).abs() < 0.2, "{case}");
     }
 }
 

@@ -27,6 +27,8 @@ pub struct Scene {
     pub blur_px: f64,
     /// Standard deviation of the noise, grey levels.
     pub noise: f64,
+    /// Exponent of the camera's response: 1 linear, 2.2 like a television camera. Colours are given as the camera sends them.
+    pub gamma: f64,
     /// JPEG quality; chroma at half resolution. `None`: raw RGB.
     pub quality: Option<u8>,
     /// Where the shaft leaves the marker in the image [rad]; `None`: no shaft.
@@ -35,8 +37,12 @@ pub struct Scene {
     pub covers: Vec<(Vector2<f64>, f64, [f64; 3])>,
     /// Discs behind the marker: centre, radius [px], colour.
     pub decoys: Vec<(Vector2<f64>, f64, [f64; 3])>,
+    /// Mean colour of the background.
+    pub base: [f64; 3],
     /// Seed of the background.
     pub background: u64,
+    /// How much its patches differ, 0 to 1.
+    pub texture: f64,
 }
 
 impl Scene {
@@ -50,11 +56,14 @@ impl Scene {
             specular: 60.0,
             blur_px: 0.8,
             noise: 3.0,
+            gamma: 1.0,
             quality: Some(85),
             shaft_angle: Some(1.0),
             covers: Vec::new(),
             decoys: Vec::new(),
+            base: [105.0; 3],
             background: 1,
+            texture: 1.0,
         }
     }
 
@@ -64,8 +73,8 @@ impl Scene {
         let mut rng = ChaCha8Rng::seed_from_u64(self.background);
         let patches: Vec<([f64; 4], [f64; 3])> = (0..40)
             .map(|_| {
-                let grey = rng.random_range(60.0..150.0);
-                let tint = [0; 3].map(|_| grey + rng.random_range(-18.0..18.0));
+                let grey = self.texture * rng.random_range(-45.0..45.0);
+                let tint = self.base.map(|base| base + grey + self.texture * rng.random_range(-18.0..18.0));
                 ([0; 4].map(|_| rng.random_range(-1.0..1.0)), tint)
             })
             .collect();
@@ -78,6 +87,11 @@ impl Scene {
             self.draw(&mut pixels, centre, 1.0 / path.len() as f64, &patches);
         }
         self.expose(pixels, seed)
+    }
+
+    /// The light of which the camera makes a colour.
+    fn light_of(&self, colour: Vector3<f64>) -> Vector3<f64> {
+        colour.map(|v| 255.0 * (v.max(0.0) / 255.0).powf(self.gamma))
     }
 
     /// Straight-edged patches of muted colour, and the decoys.
@@ -95,7 +109,7 @@ impl Scene {
                 colour = Vector3::from(*tint);
             }
         }
-        colour
+        self.light_of(colour)
     }
 
     fn draw(&self, pixels: &mut [Vector3<f64>], centre: &Vector3<f64>, share: f64, patches: &[([f64; 4], [f64; 3])]) {
@@ -115,7 +129,7 @@ impl Scene {
                     let along = shaft.map_or((0.0, 1e9), |s| ((pixel - middle).dot(&s), (pixel - middle).perp(&s)));
                     let behind = if along.0 > 0.0 && along.1.abs() < 0.5 * radius_px {
                         let shade = 1.0 - (along.1 / radius_px).powi(2) * 2.0;
-                        Vector3::new(150.0, 140.0, 140.0) * shade
+                        self.light_of(Vector3::new(150.0, 140.0, 140.0)) * shade
                     } else {
                         under
                     };
@@ -137,7 +151,7 @@ impl Scene {
             let diffuse = normal.dot(&self.light).max(0.0);
             let half = (self.light - ray).normalize();
             let shine = normal.dot(&half).max(0.0).powi(30) * self.specular;
-            Vector3::from(self.colour) * (self.ambient + (1.0 - self.ambient) * diffuse) + Vector3::repeat(shine)
+            self.light_of(Vector3::from(self.colour)) * (self.ambient + (1.0 - self.ambient) * diffuse) + Vector3::repeat(shine)
         })
     }
 
@@ -148,7 +162,7 @@ impl Scene {
             let at = Vector2::new((i % width) as f64, (i / width) as f64);
             for (centre, radius, tint) in &self.covers {
                 if (at - centre).norm() < *radius {
-                    *pixel = Vector3::from(*tint);
+                    *pixel = self.light_of(Vector3::from(*tint));
                 }
             }
         }
@@ -157,7 +171,8 @@ impl Scene {
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let raw = RgbImage::from_fn(self.camera.width, self.camera.height, |x, y| {
             let noise = Vector3::from_fn(|_, _| normal()) * self.noise;
-            Rgb((pixels[y as usize * width + x as usize] + noise).map(|v| v.round().clamp(0.0, 255.0) as u8).into())
+            let coded = pixels[y as usize * width + x as usize].map(|light| 255.0 * (light.max(0.0) / 255.0).powf(1.0 / self.gamma));
+            Rgb((coded + noise).map(|v| v.round().clamp(0.0, 255.0) as u8).into())
         });
         self.quality.map_or(raw.clone(), |quality| decode(&encode(&halve_chroma(&raw), quality)))
     }
