@@ -72,10 +72,10 @@ impl Studio {
     /// Renders shots and hands on their JPEGs in the same order.
     ///
     /// # Errors
-    /// If `take` fails.
+    /// If an image cannot be compressed, or `take` fails.
     pub fn shoot(&self, name: &str, scene: &Scene<'_>, shots: &[Shot], mut take: impl FnMut(&Shot, Vec<u8>) -> Result<()>) -> Result<()> {
         for batch in shots.chunks(BATCH) {
-            let jpegs: Vec<Vec<Vec<u8>>> = batch
+            let jpegs: Vec<Vec<Result<Vec<u8>>>> = batch
                 .par_chunks(SHARE)
                 .map(|share| {
                     let mut canvases = self.renderers.each_ref().map(Renderer::canvas);
@@ -83,13 +83,13 @@ impl Studio {
                 })
                 .collect();
             for (shot, jpeg) in batch.iter().zip(jpegs.into_iter().flatten()) {
-                take(shot, jpeg)?;
+                take(shot, jpeg?)?;
             }
         }
         Ok(())
     }
 
-    fn jpeg(&self, name: &str, scene: &Scene<'_>, shot: &Shot, canvases: &mut [Canvas; 2]) -> Vec<u8> {
+    fn jpeg(&self, name: &str, scene: &Scene<'_>, shot: &Shot, canvases: &mut [Canvas; 2]) -> Result<Vec<u8>> {
         let index = usize::from(shot.side == Side::Right);
         let (renderer, canvas) = (&self.renderers[index], &mut canvases[index]);
         let camera = self.camera(shot.side);

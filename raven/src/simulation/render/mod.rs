@@ -5,7 +5,6 @@
 
 mod background;
 mod board;
-mod jpeg;
 mod marker;
 mod optics;
 mod sensor;

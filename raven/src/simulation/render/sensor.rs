@@ -1,11 +1,12 @@
 //! From light to a JPEG: brightness of the room, noise of the sensor, eight bits, compression.
 
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::Canvas;
-use super::jpeg::Encoder;
 use crate::simulation::truth::stream;
+use crate::{Error, Result};
 
 /// Standard deviation of a pixel [of 255].
 const NOISE: f64 = 1.5;
@@ -17,7 +18,6 @@ const QUALITY: u8 = 90;
 #[derive(Debug)]
 pub struct Sensor {
     store: Vec<i8>,
-    encoder: Encoder,
 }
 
 impl Sensor {
@@ -31,7 +31,7 @@ impl Sensor {
                 (NOISE * normal).round() as i8
             })
             .collect();
-        Self { store, encoder: Encoder::new(QUALITY) }
+        Self { store }
     }
 
     /// Eight-bit image, red green blue, of a canvas of `width` columns under a light of `gain`.
@@ -49,9 +49,15 @@ impl Sensor {
         image
     }
 
-    /// The JPEG of an eight-bit image.
-    #[must_use]
-    pub fn jpeg(&self, image: &[u8], width: u16, height: u16) -> Vec<u8> {
-        self.encoder.encode(image, width, height)
+    /// The JPEG of an eight-bit image, with half the columns of chroma, as webcams send it.
+    ///
+    /// # Errors
+    /// If the image does not have `width` x `height` pixels.
+    pub fn jpeg(&self, image: &[u8], width: u16, height: u16) -> Result<Vec<u8>> {
+        let mut jpeg = Vec::new();
+        let mut encoder = Encoder::new(&mut jpeg, QUALITY);
+        encoder.set_sampling_factor(SamplingFactor::F_2_1);
+        encoder.encode(image, width, height, ColorType::Rgb).map_err(|e| Error::Data(format!("an image could not be compressed: {e}.")))?;
+        Ok(jpeg)
     }
 }
