@@ -37,7 +37,7 @@ const WINDOW_SQUARES: f64 = 0.5;
 /// A smaller window does not hold the blur of the edges [px].
 const SMALLEST_WINDOW_PX: f64 = 2.5;
 /// A larger one only costs time [px].
-const LARGEST_WINDOW_PX: f64 = 10.0;
+const LARGEST_WINDOW_PX: f64 = 12.0;
 
 /// Finds the board in an image; `None` if it is not there, or too little of it.
 #[must_use]

@@ -39,7 +39,7 @@ pub fn fit(image: &GrayImage, start: Vector2<f64>, sides: [Vector2<f64>; 2], rad
         if trial_cost <= cost {
             (parameters, cost, gradient, curvature) = (trial, trial_cost, trial_gradient, trial_curvature);
             damping = (damping * 0.1).max(1e-9);
-            if step.fixed_rows::<2>(0).norm() < 5e-4 {
+            if step.fixed_rows::<2>(0).norm() < 1e-4 {
                 let found = Vector2::new(parameters[0], parameters[1]);
                 return ((found - start).norm() < 0.5 * radius_px).then_some(found);
             }

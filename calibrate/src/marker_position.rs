@@ -23,15 +23,12 @@ pub struct Place {
     pub frames: usize,
 }
 
-/// A round blob of the marker's colour in one image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Disc {
-    /// Image of the ball's centre [px].
-    pub centre_px: Vector2<f64>,
-    /// Standard deviation per axis [px].
-    pub std_px: f64,
-    /// Radius [px].
-    pub radius_px: f64,
+/// A blob in one image.
+#[derive(Debug, Clone, Copy)]
+struct Disc {
+    centre_px: Vector2<f64>,
+    std_px: f64,
+    radius_px: f64,
 }
 
 /// Candidates of all frames, gathered by place.
@@ -61,7 +58,7 @@ impl Gathered {
         self.frames += 1;
         let mut points: Vec<(f64, Vector3<f64>)> = Vec::new();
         for left in &discs[0] {
-            points.extend(discs[1].iter().filter_map(|right| candidate(cameras, marker, [left, right], LARGEST_CHI2)));
+            points.extend(discs[1].iter().filter_map(|right| candidate(cameras, marker, left, right)));
         }
         // A place gets one candidate per frame, the best.
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -96,9 +93,7 @@ impl Gathered {
     }
 }
 
-/// All round blobs of the marker's colour in an image.
-#[must_use]
-pub fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
+fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
     let round =
         blobs(image, None, &marker.colour).into_iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
     let disc = |blob: raven_track::marker::Blob| {
@@ -108,9 +103,8 @@ pub fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
     round.map(disc).collect()
 }
 
-/// Chi-square and place [m, left camera] of two discs, if they can be the marker.
-#[must_use]
-pub fn candidate(cameras: &Cameras, marker: &Marker, [left, right]: [&Disc; 2], largest_chi2: f64) -> Option<(f64, Vector3<f64>)> {
+/// Chi-square and place of two discs, if they can be the marker.
+fn candidate(cameras: &Cameras, marker: &Marker, left: &Disc, right: &Disc) -> Option<(f64, Vector3<f64>)> {
     let noise = [left, right].map(|d| Matrix2::identity() * (d.std_px * d.std_px));
     let seen = cameras.triangulate(&[left.centre_px, right.centre_px], &noise)?;
     let fits = |disc: &Disc, camera: &Pinhole, depth: f64| {
@@ -119,7 +113,7 @@ pub fn candidate(cameras: &Cameras, marker: &Marker, [left, right]: [&Disc; 2], 
     };
     let right_depth = (cameras.right_from_left * nalgebra::Point3::from(seen.point_left)).z;
     let plausible = fits(left, &cameras.left, seen.point_left.z) && fits(right, &cameras.right, right_depth);
-    (plausible && seen.chi2 < largest_chi2).then_some((seen.chi2, seen.point_left))
+    (plausible && seen.chi2 < LARGEST_CHI2).then_some((seen.chi2, seen.point_left))
 }
 
 /// Mean of the points within three robust standard deviations of the median, and its covariance.
