@@ -79,4 +79,16 @@ impl TipCorrection {
             covariance: turn * tip.covariance * turn.transpose(),
         }
     }
+
+    /// Where cameras with these errors see a tip that the robot has at `position` [m]: the inverse of [`Self::apply`].
+    #[must_use]
+    pub fn seen_m(&self, position: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation.inverse() * (position - self.pivot - self.translation) + self.pivot
+    }
+
+    /// By how much an image shows the past of its stamp [s].
+    #[must_use]
+    pub fn latency_s(&self) -> f64 {
+        self.latency_s
+    }
 }

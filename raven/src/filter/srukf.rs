@@ -77,10 +77,13 @@ impl<const N: usize, const M: usize> SquareRootUkf<N, M> {
 
     /// Carries mean and covariance through `transition` and adds noise with factor `noise_factor`.
     pub fn predict(&mut self, mut transition: impl FnMut(&SVector<f64, N>) -> SVector<f64, N>, noise_factor: &SMatrix<f64, N, N>) {
+        self.predict_batch(|points| points.iter_mut().for_each(|point| *point = transition(point)), noise_factor);
+    }
+
+    /// As [`Self::predict`], with a transition that carries all `2N + 1` sigma points at once, in place; point 0 is the mean.
+    pub fn predict_batch(&mut self, transition: impl FnOnce(&mut [SVector<f64, N>]), noise_factor: &SMatrix<f64, N, N>) {
         self.draw_points();
-        for point in &mut self.points {
-            *point = transition(point);
-        }
+        transition(&mut self.points);
         let mean = self.points[1..].iter().sum::<SVector<f64, N>>() / (2 * N) as f64;
         for (i, point) in self.points.iter().enumerate() {
             let deviation = (point - mean) * root_weight::<N>(i);
@@ -149,10 +152,22 @@ impl<const N: usize, const M: usize> SquareRootUkf<N, M> {
         noise_factor: &SMatrix<f64, M, M>,
         gate: Option<f64>,
     ) -> Innovation<M> {
+        let each = |points: &[SVector<f64, N>], observed: &mut [SVector<f64, M>]| {
+            points.iter().zip(observed).for_each(|(point, observed)| *observed = observe(point));
+        };
+        self.update_batch(measured, each, noise_factor, gate)
+    }
+
+    /// As [`Self::update`], with an observation function that fills in what all `2N + 1` sigma points would show; point 0 is the mean.
+    pub fn update_batch(
+        &mut self,
+        measured: &SVector<f64, M>,
+        observe: impl FnOnce(&[SVector<f64, N>], &mut [SVector<f64, M>]),
+        noise_factor: &SMatrix<f64, M, M>,
+        gate: Option<f64>,
+    ) -> Innovation<M> {
         self.draw_points();
-        for (point, observed) in self.points.iter().zip(&mut self.observed) {
-            *observed = observe(point);
-        }
+        observe(&self.points, &mut self.observed);
         let predicted = self.observed[1..].iter().sum::<SVector<f64, M>>() / (2 * N) as f64;
         let array = &mut self.measurement_array;
         array.clear();

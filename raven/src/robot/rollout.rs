@@ -45,39 +45,42 @@ impl MotorTrack {
 }
 
 impl LinkModel {
+    /// The links at `to_s`, the motors following `motor` from `from_s` on; `None` if that leaves the track or crosses a pause in it.
+    #[must_use]
+    pub fn follow(&self, mut state: LinkState, motor: &MotorTrack, from_s: f64, to_s: f64) -> Option<LinkState> {
+        let (first, last) = (motor.interval(from_s)?, motor.interval(to_s)?);
+        if (first..last).any(|k| motor.time_s[k + 1] - motor.time_s[k] > PAUSE_MAX_S) {
+            return None;
+        }
+        let mut at = from_s;
+        for k in first..=last {
+            let end = if k < last { motor.time_s[k + 1] } else { to_s };
+            if end > at {
+                let rate = motor.rate(k);
+                state = self.advance(state, &(motor.angle[k] + rate * (at - motor.time_s[k])), &rate, end - at);
+                at = end;
+            }
+        }
+        Some(state)
+    }
+
     /// Link states at `times_s` (sorted), the motors following `motor`; `None` at times outside the track and in its pauses.
     ///
     /// After each pause the links start at rest where the cables hold them.
     #[must_use]
     pub fn rollout(&self, motor: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
-        let mut states = Vec::with_capacity(times_s.len());
-        let mut now: Option<(f64, usize, LinkState)> = None;
-        for &time_s in times_s {
-            let Some(target) = motor.interval(time_s) else {
-                states.push(None);
-                continue;
-            };
-            let reachable = now.filter(|(_, k, _)| (*k..target).all(|i| motor.time_s[i + 1] - motor.time_s[i] <= PAUSE_MAX_S));
-            let (mut at, mut k, mut state) = reachable.unwrap_or_else(|| {
-                let start = motor.segment_start(target);
+        let mut now: Option<(f64, LinkState)> = None;
+        let state_at = |&time_s: &f64| {
+            let interval = motor.interval(time_s)?;
+            let carried = now.and_then(|(at, state)| self.follow(state, motor, at, time_s));
+            let state = carried.or_else(|| {
+                let start = motor.segment_start(interval);
                 let position = self.settled(&motor.angle[start], &Vector3::zeros());
-                (motor.time_s[start], start, LinkState { position, rate: Vector3::zeros() })
-            });
-            loop {
-                let end = if k < target { motor.time_s[k + 1] } else { time_s };
-                if end > at {
-                    let rate = motor.rate(k);
-                    state = self.advance(state, &(motor.angle[k] + rate * (at - motor.time_s[k])), &rate, end - at);
-                    at = end;
-                }
-                if k == target {
-                    break;
-                }
-                k += 1;
-            }
-            now = Some((at, k, state));
-            states.push(Some(state));
-        }
-        states
+                self.follow(LinkState { position, rate: Vector3::zeros() }, motor, motor.time_s[start], time_s)
+            })?;
+            now = Some((time_s, state));
+            Some(state)
+        };
+        times_s.iter().map(state_at).collect()
     }
 }
