@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Parser, Subcommand, ValueEnum};
 use raven::{Error, Result};
 
+use crate::recursive::{self, Sharing};
+
 const EXAMPLES: &str = "\
 Examples:
   raven-identify tracked.mcap --robot robot.yaml --cameras cameras.yaml -o identified.yaml
@@ -79,12 +81,18 @@ pub struct Identify {
     /// How to estimate.
     #[arg(long, value_enum, default_value_t = Method::Batch)]
     pub method: Method,
+    /// With dual: the time over which the parameters' filter predicts.
+    #[arg(long, value_enum)]
+    pub horizon: Option<Horizon>,
     /// What to look for, separated by commas (default: r_l1 and latency; hard stops and registration are estimated along).
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub parameters: Option<Vec<String>>,
     /// Robot file to write.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// With dual and joint: the estimates over time with bands of two deviations, as SVG.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
     /// Result for scripts; - for standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -95,6 +103,19 @@ pub struct Identify {
 pub enum Method {
     /// All sightings at once.
     Batch,
+    /// As the log goes by, links and parameters in two filters, as in the paper.
+    Dual,
+    /// As the log goes by, links and parameters in one filter.
+    Joint,
+}
+
+/// Time over which the dual filter's parameters predict.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Horizon {
+    /// From image to image.
+    Frame,
+    /// One step of integration, as in the paper: needs some 40 s to find a pulley.
+    Step,
 }
 
 impl Method {
@@ -103,11 +124,32 @@ impl Method {
     pub fn name(self) -> &'static str {
         match self {
             Self::Batch => "batch",
+            Self::Dual => "dual",
+            Self::Joint => "joint",
         }
     }
 }
 
 impl Identify {
+    /// How a recursive estimation shares the work between filters; `None` of a batch.
+    ///
+    /// # Errors
+    /// If an option does not belong to the method.
+    pub fn sharing(&self) -> Result<Option<Sharing>> {
+        if self.horizon.is_some() && self.method != Method::Dual {
+            return Err(Error::Argument("--horizon belongs to --method dual.".to_owned()));
+        }
+        if self.plot.is_some() && self.method == Method::Batch {
+            return Err(Error::Argument("--plot shows estimates over time, and a batch has none; add --method dual or joint.".to_owned()));
+        }
+        Ok(match (self.method, self.horizon) {
+            (Method::Batch, _) => None,
+            (Method::Dual, Some(Horizon::Step)) => Some(Sharing::Dual(recursive::Horizon::Step)),
+            (Method::Dual, _) => Some(Sharing::Dual(recursive::Horizon::Frame)),
+            (Method::Joint, _) => Some(Sharing::Joint),
+        })
+    }
+
     /// The robot file.
     ///
     /// # Errors

@@ -16,6 +16,7 @@ pub mod prediction;
 pub mod priors;
 pub mod problem;
 pub mod recording;
+pub mod recursive;
 pub mod report;
 pub mod session;
 
@@ -31,7 +32,7 @@ use problem::Problem;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 use recording::Recordings;
 use report::Report;
 
@@ -62,9 +63,12 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let spinner = cli::spinner("estimating");
-    let estimate = problem.estimate(&may_hold);
+    let estimate = match args.sharing()? {
+        None => problem.estimate(&may_hold).map(|estimate| (estimate, None)),
+        Some(sharing) => recursive::estimate(&mut problem, sharing, &may_hold).map(|(estimate, trace)| (estimate, Some(trace))),
+    };
     spinner.finish_and_clear();
-    let estimate = estimate?;
+    let (estimate, trace) = estimate?;
     let findings = Finding::all(&unknowns, &estimate);
     let squares = problem.normalized_squares(&estimate.z)?;
     let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
@@ -72,6 +76,10 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
 
     if let Some(path) = &args.output {
         identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;
+    }
+    if let (Some(path), Some(trace)) = (&args.plot, trace) {
+        let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;
+        files::write_atomic(path, svg.as_bytes())?;
     }
     if let Some(path) = &args.json {
         cli::write_json(path, &report)?;

@@ -29,6 +29,9 @@ const LATENCY_S: f64 = 0.1;
 const REGISTRATION_RAD: f64 = 0.017_453_292_519_943_295;
 const REGISTRATION_M: f64 = 0.005;
 
+/// Prior deviations of a logarithm beyond which no value is looked at: a factor of 81 for cables.
+const FACTORS_MAX: f64 = 4.0;
+
 /// One unknown of the estimation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unknown {
@@ -49,6 +52,12 @@ impl Unknown {
     #[must_use]
     pub fn value(&self, z: f64) -> f64 {
         if self.quantity.is_positive() { self.prior * (self.spread * z).exp() } else { self.prior + self.spread * z }
+    }
+
+    /// `z`, kept within [`FACTORS_MAX`] where a factor is estimated: no hardware is beyond, and a model of it would be too stiff to move.
+    #[must_use]
+    pub fn bounded(&self, z: f64) -> f64 {
+        if self.quantity.is_positive() { z.clamp(-FACTORS_MAX, FACTORS_MAX) } else { z }
     }
 
     /// Standard deviation [SI] at a value, of a standard deviation of `z`.

@@ -21,9 +21,9 @@ use crate::priors::Unknown;
 use crate::session::{Session, Sighting, whitening};
 
 /// Length of the blocks over which residuals may be alike [s]: hysteresis and the cameras' flaws outlast single images.
-const BLOCK_S: f64 = 2.0;
+pub(crate) const BLOCK_S: f64 = 2.0;
 /// Misfit to begin with [rad, rad, m]: what rigid cables leave unexplained on a Raven-II (Haghighipanah et al. 2017, table II).
-const MISFIT_START: Vector3<f64> = Vector3::new(0.0228, 0.043, 0.0028);
+pub(crate) const MISFIT_START: Vector3<f64> = Vector3::new(0.0228, 0.043, 0.0028);
 /// Rounds of estimating values and misfit, and the relative change of the misfit at which they end.
 const ROUNDS_MAX: usize = 10;
 const MISFIT_SETTLED: f64 = 0.1;
@@ -67,10 +67,33 @@ impl<'a> Problem<'a> {
         let mut robot = self.anchored.clone();
         for (unknown, &z) in self.unknowns.iter().zip(z.iter()) {
             if let Some(value) = robot.value_mut(&unknown.key) {
-                *value = unknown.value(z);
+                *value = unknown.value(unknown.bounded(z));
             }
         }
         robot
+    }
+
+    /// What is to be estimated.
+    #[must_use]
+    pub fn unknowns(&self) -> &[Unknown] {
+        self.unknowns
+    }
+
+    /// How many unknowns come before those of the registration: those on which the motion of the links depends, and the latency.
+    #[must_use]
+    pub fn unknowns_of_robot(&self) -> usize {
+        self.unknowns.iter().take_while(|unknown| !unknown.quantity.is_registration()).count()
+    }
+
+    /// The recordings.
+    #[must_use]
+    pub fn sessions(&self) -> &[Session] {
+        self.sessions
+    }
+
+    /// Keeps `z` where hardware can be, see [`Unknown::bounded`].
+    pub fn bound(&self, z: &mut [f64]) {
+        self.unknowns.iter().zip(z).for_each(|(unknown, z)| *z = unknown.bounded(*z));
     }
 
     /// The estimate, with the misfit that goes with it. Unknowns of which `may_hold` is false stay free even if not identified.
@@ -94,6 +117,15 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn misfit(&self) -> Vector3<f64> {
         self.misfit
+    }
+
+    /// Takes over a misfit [rad, rad, m] that was found along with `z`.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated.
+    pub fn adopt_misfit(&mut self, misfit: Vector3<f64>, z: &DVector<f64>) -> Result<()> {
+        self.misfit = misfit;
+        self.weigh(z)
     }
 
     /// Squared residuals normalised by the sightings' covariance alone: 3 on average, if the model explains all but the noise.

@@ -83,7 +83,13 @@ impl TipCorrection {
     /// Where cameras with these errors see a tip that the robot has at `position` [m]: the inverse of [`Self::apply`].
     #[must_use]
     pub fn seen_m(&self, position: &Vector3<f64>) -> Vector3<f64> {
-        self.rotation.inverse() * (position - self.pivot - self.translation) + self.pivot
+        self.seen_from_true() * (position - self.pivot - self.translation) + self.pivot
+    }
+
+    /// How directions of frame 0 [1] look to the cameras: 3x3.
+    #[must_use]
+    pub fn seen_from_true(&self) -> Rotation3<f64> {
+        self.rotation.inverse()
     }
 
     /// By how much an image shows the past of its stamp [s].

@@ -1,0 +1,158 @@
+//! The dual filter: links and parameters in two square-root UKFs that take turns at every image.
+//!
+//! ```text
+//! states      x- = f(x, w),  then corrected by the sighting
+//! parameters  d = G(x, w) + e,   e of covariance  C + J (P_x + u^2) J'
+//! ```
+//!
+//! `G` moves the links through a horizon and says where the cameras see the tip. Over the whole interval between two images, from links
+//! that stood where these parameters put them, `G` has the whole slope of what is seen by the parameters, and the estimate is there after
+//! seconds. The paper's horizon is one step of integration, by which a changed parameter hardly moves a link: its pulley took 40 s.
+//!
+//! Source: Haghighipanah et al. 2017, section II-D; Wan, van der Merwe 2001 (the dual form).
+
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
+use raven::Result;
+use raven::filter::{KNOT_S, SquareRootUkf, StateEquation};
+use rayon::prelude::*;
+
+use super::links::{Links, States};
+use super::posterior::Posterior;
+use super::scatter::Scatter;
+use super::trace::Trace;
+use super::{FORGOTTEN_S, Run, gate, root, unbounded};
+use crate::motion::Motion;
+use crate::problem::Problem;
+use crate::session::{Session, Sighting};
+
+/// Time over which the parameters' filter predicts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Horizon {
+    /// From image to image.
+    Frame,
+    /// The last step of integration, as in the paper.
+    Step,
+}
+
+/// One step of integration [s].
+const STEP_S: f64 = 1e-3;
+
+/// Runs the dual filter over all sessions, the parameters carried from one to the next.
+pub fn run<const P: usize>(problem: &Problem, horizon: Horizon) -> Result<Run> {
+    let mut dual = Dual::<P> {
+        problem,
+        horizon,
+        parameters: SquareRootUkf::new(SVector::zeros(), SMatrix::identity()),
+        scatter: Scatter::new(),
+        trace: Trace::default(),
+    };
+    for (number, session) in problem.sessions().iter().enumerate() {
+        dual.session(number, session)?;
+        dual.trace.next_log();
+    }
+    let Dual { parameters, scatter, trace, .. } = dual;
+    let covariance = DMatrix::from_column_slice(P, P, parameters.covariance().as_slice());
+    Ok(Run { posterior: Posterior::new(unbounded(parameters.mean.as_slice()), covariance), scatter, trace })
+}
+
+struct Dual<'a, const P: usize> {
+    problem: &'a Problem<'a>,
+    horizon: Horizon,
+    parameters: SquareRootUkf<P, 3>,
+    scatter: Scatter,
+    trace: Trace,
+}
+
+/// Where the parameters' prediction starts: image and links there.
+type Start = Option<(f64, States)>;
+
+impl<const P: usize> Dual<'_, P> {
+    fn session(&mut self, number: usize, session: &Session) -> Result<()> {
+        let motion = &session.motion;
+        let mut links = Links::new(self.problem, self.parameters.mean.as_slice())?;
+        let mut states: Option<(f64, SquareRootUkf<6, 3>)> = None;
+        for sighting in &session.sightings {
+            let now = sighting.time_s;
+            let (filter, start) = match states.take().filter(|(last, _)| now - last <= FORGOTTEN_S) {
+                Some((last, mut filter)) => {
+                    let start = self.start(&links, motion, (last, filter.mean), now);
+                    let along = |points: &mut [States]| points.par_iter_mut().for_each(|x| *x = links.follow(x, motion, last, now));
+                    // The cables take back what noise did earlier than that.
+                    filter.predict_batch(along, &links.equation().noise_factor(KNOT_S.min(now - last)));
+                    (filter, start)
+                }
+                None => (links.at_rest(motion, now), None),
+            };
+            states = Some((now, filter));
+            let Some((_, filter)) = &mut states else { continue };
+            if self.correct_parameters(&links, motion, sighting, filter, start, number) {
+                links = self.correct_states(links, motion, sighting, filter)?;
+            }
+            let deviations = (0..P).map(|k| self.parameters.factor.row(k).norm());
+            self.trace.push(now, self.parameters.mean.as_slice(), deviations);
+        }
+        Ok(())
+    }
+
+    fn start(&self, links: &Links, motion: &Motion, (last, before): (f64, States), now: f64) -> Start {
+        match self.horizon {
+            Horizon::Frame => Some((last, before)),
+            Horizon::Step => {
+                let step_before = (now - STEP_S).max(last);
+                Some((step_before, links.follow(&before, motion, last, step_before)))
+            }
+        }
+    }
+
+    /// Whether the sighting was believed.
+    fn correct_parameters(
+        &mut self,
+        links: &Links,
+        motion: &Motion,
+        sighting: &Sighting,
+        states: &SquareRootUkf<6, 3>,
+        start: Start,
+        session: usize,
+    ) -> bool {
+        let seen_from_joints = links.seen_from_joints(&states.mean);
+        let positions = states.covariance().fixed_view::<3, 3>(0, 0).into_owned();
+        let of_states = seen_from_joints * positions * seen_from_joints.transpose();
+        let Some(noise) = root(&(sighting.covariance_m2 + of_states + self.scatter.covariance_m2(&seen_from_joints))) else { return false };
+        let (problem, horizon, now) = (self.problem, self.horizon, sighting.time_s);
+        let moved = |other: &Links| match start {
+            None => other.settled(motion, now),
+            Some((from, states)) if horizon == Horizon::Step => other.follow(&states, motion, from, now),
+            Some((from, states)) => {
+                let where_these_hold_them = states + other.settled(motion, from) - links.settled(motion, from);
+                other.follow(&where_these_hold_them, motion, from, now)
+            }
+        };
+        let of_robot = problem.unknowns_of_robot();
+        let show = |points: &[SVector<f64, P>], seen: &mut [Vector3<f64>]| {
+            let mean = Links::new(problem, points[0].as_slice()).map(|other| moved(&other));
+            points.par_iter().zip(seen).for_each(|(z, seen)| {
+                let turned_only = z.as_slice()[..of_robot] == points[0].as_slice()[..of_robot];
+                let shown = |other: Links, mean: &States| other.seen_m(&if turned_only { *mean } else { moved(&other) });
+                let shown = Links::new(problem, z.as_slice()).ok().zip(mean.as_ref().ok()).map(|(other, mean)| shown(other, mean));
+                *seen = shown.unwrap_or_else(|| Vector3::repeat(f64::NAN));
+            });
+        };
+        let innovation = self.parameters.update_batch(&sighting.position_m, show, &noise, gate());
+        problem.bound(self.parameters.mean.as_mut_slice());
+        self.scatter.take_in(&innovation, seen_from_joints, session, now);
+        innovation.accepted
+    }
+
+    /// The links' filter after the sighting, and the links at the new parameters.
+    fn correct_states(&self, links: Links, motion: &Motion, sighting: &Sighting, states: &mut SquareRootUkf<6, 3>) -> Result<Links> {
+        let renewed = Links::new(self.problem, self.parameters.mean.as_slice())?;
+        if self.horizon == Horizon::Frame {
+            states.mean += renewed.settled(motion, sighting.time_s) - links.settled(motion, sighting.time_s);
+        }
+        let of_misfit = self.scatter.covariance_m2(&renewed.seen_from_joints(&states.mean));
+        if let Some(noise) = root(&(sighting.covariance_m2 + of_misfit)) {
+            states.update(&sighting.position_m, |x| renewed.seen_m(x), &noise, gate());
+        }
+        Ok(renewed)
+    }
+}

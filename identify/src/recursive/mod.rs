@@ -1,0 +1,96 @@
+//! Estimating the parameters while the log goes by: the paper's dual filter, and the joint one (Haghighipanah et al. 2017, section II).
+//!
+//! Both carry the links' six states and the parameters; the dual filter in two filters that take turns, the joint one in a single filter.
+//! The parameters are constants in units of their prior deviation, start at their prior `N(0, 1)` and have no process noise, so a
+//! parameter that the motion does not excite keeps its deviation instead of winding up. An image shows the links at its stamp less the
+//! latency; a state is that of the links at the instant an image shows, so that the latency is a parameter like any other.
+
+mod dual;
+mod joint;
+mod links;
+mod posterior;
+mod scatter;
+mod trace;
+
+use nalgebra::{DVector, Matrix3};
+use raven::stats::chi_square_quantile;
+use raven::{Error, Result};
+
+pub use dual::Horizon;
+pub use trace::{Trace, TracePoint};
+
+use crate::batch::{Estimate, Residuals};
+use crate::misfit::FALSE_CHANCE;
+use crate::problem::Problem;
+
+/// How the filters share the work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sharing {
+    /// A filter for the states and one for the parameters, which predicts over the given horizon.
+    Dual(Horizon),
+    /// One filter for both.
+    Joint,
+}
+
+/// Pause between sightings [s] after which the links start anew where the cables hold them: long after they forgot where they were.
+const FORGOTTEN_S: f64 = 1.0;
+
+/// Most unknowns that a recursive estimation takes.
+const UNKNOWNS_MAX: usize = 25;
+
+/// Estimates recursively; also what was believed after every sighting. Unknowns of which `may_hold` is false are kept even if they are
+/// not identified, as in [`crate::batch::estimate`].
+///
+/// # Errors
+/// If there are too many unknowns, or the model cannot be evaluated at the outcome.
+pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> Result<(Estimate, Trace)> {
+    let unknowns = problem.unknowns().len();
+    let run = dispatch(problem, sharing, unknowns)?;
+    let posterior = run.posterior.held_at_priors(may_hold);
+    let tempering = run.scatter.tempering();
+    problem.adopt_misfit(run.scatter.misfit(), &posterior.z)?;
+    let residuals = problem.residuals(&posterior.z)?;
+    let std = posterior.std(tempering);
+    let estimate = Estimate { identified: posterior.identified(&std), z: posterior.z, std, residuals, scale: 1.0, tempering };
+    Ok((estimate, run.trace.widened(tempering)))
+}
+
+/// What a pass over the logs leaves.
+struct Run {
+    posterior: posterior::Posterior,
+    scatter: scatter::Scatter,
+    trace: Trace,
+}
+
+/// Calls the filter of the right size: sizes are known at compile time inside the filters, and only here at run time.
+fn dispatch(problem: &Problem, sharing: Sharing, unknowns: usize) -> Result<Run> {
+    macro_rules! sized {
+        ($($p:literal)*) => {
+            match (unknowns, sharing) {
+                $(
+                    ($p, Sharing::Dual(horizon)) => dual::run::<$p>(problem, horizon),
+                    ($p, Sharing::Joint) => joint::run::<$p, { $p + joint::STATES }>(problem),
+                )*
+                _ => Err(Error::Argument(format!(
+                    "--parameters names {unknowns} unknowns, the registration's among them; dual and joint take 1 to {UNKNOWNS_MAX}, batch takes all."
+                ))),
+            }
+        };
+    }
+    sized!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25)
+}
+
+/// Normalised square beyond which a sighting counts as false.
+fn gate() -> Option<f64> {
+    chi_square_quantile(3, 1.0 - FALSE_CHANCE)
+}
+
+/// Lower-triangular factor of a covariance, if it is one.
+fn root(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    Some(covariance.cholesky()?.l())
+}
+
+/// `z` of a filter as the rest of the crate has it.
+fn unbounded(z: &[f64]) -> DVector<f64> {
+    DVector::from_column_slice(z)
+}
