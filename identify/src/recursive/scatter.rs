@@ -40,6 +40,11 @@ impl Scatter {
         Self { misfit: MISFIT_START, residuals: Vec::new(), next: FIRST, blocks: Vec::new() }
     }
 
+    /// With a misfit [rad, rad, m] that is known and stays.
+    pub fn knowing(misfit: Vector3<f64>) -> Self {
+        Self { misfit, next: usize::MAX, ..Self::new() }
+    }
+
     /// What each joint does beside the model, one standard deviation [rad, rad, m].
     pub fn misfit(&self) -> Vector3<f64> {
         self.misfit

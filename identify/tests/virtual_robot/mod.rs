@@ -1,0 +1,103 @@
+//! Robots whose numbers are known, and what cameras would see of them.
+
+use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use raven::camera::Quality;
+use raven::observation::TipCorrection;
+use raven::robot::{LinkModel, MotorTrack, Robot, nominal};
+use raven_identify::batch::Estimate;
+use raven_identify::motion::Motion;
+use raven_identify::parameters::Selection;
+use raven_identify::priors::{self, Unknown};
+use raven_identify::problem::Problem;
+use raven_identify::session::{Session, Sighting};
+
+const RATE_HZ: f64 = 200.0;
+const CAMERA_HZ: f64 = 10.0;
+const BLOCK_S: f64 = 2.0;
+
+/// The motors of a controller with the nominal numbers, on slow sines about `centre`.
+pub fn motion(duration_s: f64, centre: Vector3<f64>, amplitude: Vector3<f64>) -> Motion {
+    let transmission = nominal::gold().arm().unwrap().transmission;
+    let time_s: Vec<f64> = (0..(duration_s * RATE_HZ) as usize).map(|i| i as f64 / RATE_HZ).collect();
+    let joint = |t: f64| centre + amplitude.component_mul(&Vector3::new((0.9 * t).sin(), (0.7 * t).sin(), (0.5 * t).sin()));
+    let angle = time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect();
+    Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap()
+}
+
+pub const MIDDLE: Vector3<f64> = Vector3::new(0.8, 1.6, 0.33);
+pub const WIDE: Vector3<f64> = Vector3::new(0.45, 0.4, 0.06);
+
+/// A tip seen along frame 0's y axis: 0.1 mm across, 1.5 mm in depth.
+pub fn covariance() -> Matrix3<f64> {
+    let tilted = Rotation3::from_euler_angles(0.1, 0.0, 0.2);
+    tilted * Matrix3::from_diagonal(&Vector3::new(1e-8, 2.25e-6, 1e-8)) * tilted.inverse()
+}
+
+/// What the cameras see of a robot, with white noise and, in every block, `alike` of it that is common.
+pub fn session(truth: &Robot, motion: &Motion, random: &mut ChaCha8Rng, alike: f64) -> Session {
+    let arm = truth.arm().unwrap();
+    let (kinematics, correction) = (arm.kinematics, TipCorrection::new(&arm, &truth.observation));
+    let factor = covariance().cholesky().unwrap().l();
+    let [start, end] = motion.span_s();
+    let stamps = (0..((end - start) * CAMERA_HZ) as usize).map(|i| start + (i as f64 + 0.5) / CAMERA_HZ);
+    let stamps: Vec<f64> = stamps.filter(|t| motion.covers(t - 0.1, t + 0.1)).collect();
+    let shown: Vec<f64> = stamps.iter().map(|t| t - correction.latency_s()).collect();
+    let links = LinkModel::new(arm).rollout(motion.track(), &shown);
+    let mut normal = || factor * Vector3::from_fn(|_, _| StandardNormal.sample(random));
+    let mut common = normal();
+    let mut sightings = Vec::new();
+    for (i, (&time_s, state)) in stamps.iter().zip(links).enumerate() {
+        if i % (BLOCK_S * CAMERA_HZ) as usize == 0 {
+            common = normal();
+        }
+        let Some(state) = state else { continue };
+        let seen = correction.seen_m(&kinematics.forward(&state.position)) + normal() + alike * common;
+        sightings.push(Sighting::new(time_s, seen, &covariance()).unwrap());
+    }
+    Session { name: "simulated.mcap".to_owned(), sha256: "00".to_owned(), motion: motion.clone(), sightings }
+}
+
+pub struct Case {
+    pub robot: Robot,
+    pub unknowns: Vec<Unknown>,
+}
+
+impl Case {
+    pub fn new(parameters: &[&str]) -> Self {
+        let robot = nominal::gold();
+        let names: Vec<String> = parameters.iter().map(|s| (*s).to_owned()).collect();
+        let selection = if names.is_empty() { Selection::default() } else { Selection::named(&names).unwrap() };
+        let unknowns = priors::unknowns(&robot, &selection, &Quality::default()).unwrap();
+        Self { robot, unknowns }
+    }
+
+    /// The robot at `z`; its encoders were set by the nominal numbers.
+    pub fn truth(&self, z: &DVector<f64>) -> Robot {
+        Problem::new(&self.robot, &self.unknowns, &[]).unwrap().robot(z)
+    }
+
+    pub fn estimate(&self, sessions: &[Session]) -> Estimate {
+        Problem::new(&self.robot, &self.unknowns, sessions).unwrap().estimate(&self.may_hold()).unwrap()
+    }
+
+    /// All but the registration.
+    pub fn may_hold(&self) -> Vec<bool> {
+        self.unknowns.iter().map(|u| !u.quantity.is_registration()).collect()
+    }
+
+    pub fn index(&self, name: &str) -> usize {
+        self.unknowns.iter().position(|u| u.quantity.name() == name).unwrap()
+    }
+
+    pub fn at(&self, values: &[(&str, f64)]) -> DVector<f64> {
+        let mut z = DVector::zeros(self.unknowns.len());
+        for &(name, value) in values {
+            let unknown = &self.unknowns[self.index(name)];
+            z[self.index(name)] =
+                if unknown.quantity.is_positive() { (value / unknown.prior).ln() } else { value - unknown.prior } / unknown.spread;
+        }
+        z
+    }
+}
