@@ -6,6 +6,7 @@
 
 pub mod camera;
 pub mod cli;
+pub mod effects;
 pub mod error;
 pub mod files;
 pub mod filter;

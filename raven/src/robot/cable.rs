@@ -1,29 +1,57 @@
 //! Exponential cable (the paper's eq. 5): tension difference `gamma = k_e (e^x - e^-x) + 2 b_e xdot` for a stretch `x` in metres.
 //!
-//! At millimetres of stretch the law is linear to 1e-6, with slope `2 k_e`.
+//! At millimetres of stretch the law is linear to 1e-6, with slope `2 k_e`. Cables that stiffen have an exponent of their own, and a
+//! slack pair a dead zone, so that in general
+//!
+//! ```text
+//! gamma = 2 k_e x0 sinh(y / x0) + 2 b_e xdot,   y = x less the nearer end of [-slack / 2, slack / 2], no force within it
+//! ```
 
 use serde::Deserialize;
 
 /// Stiffness and damping of the cable pair that drives one joint.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cable {
-    /// `k_e` [N]; the exponent is in metres.
+    /// `k_e` [N].
     pub stiffness: f64,
     /// `b_e` [N s/m].
     pub damping: f64,
+    /// `x0` [m]: the stretch that makes the exponent one; the paper's exponent is in metres.
+    #[serde(default = "one")]
+    pub exponent_length: f64,
+    /// Stretch over which the pair does not pull at all [m].
+    #[serde(default)]
+    pub slack: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 impl Cable {
+    /// With a stiffness [N] and a damping [N s/m], taut, exponent in metres.
+    #[must_use]
+    pub fn new(stiffness: f64, damping: f64) -> Self {
+        Self { stiffness, damping, exponent_length: 1.0, slack: 0.0 }
+    }
+
     /// Tension difference [N] at a stretch [m] and its rate [m/s].
     #[must_use]
     pub fn force(&self, stretch_m: f64, stretch_rate_m_s: f64) -> f64 {
-        2.0 * (self.stiffness * stretch_m.sinh() + self.damping * stretch_rate_m_s)
+        let half = 0.5 * self.slack;
+        let taut = stretch_m - stretch_m.clamp(-half, half);
+        if taut == 0.0 && half > 0.0 {
+            return 0.0;
+        }
+        2.0 * (self.stiffness * self.exponent_length * (taut / self.exponent_length).sinh() + self.damping * stretch_rate_m_s)
     }
 
     /// Stretch [m] under a static tension difference [N].
     #[must_use]
     pub fn static_stretch_m(&self, force_n: f64) -> f64 {
-        (force_n / (2.0 * self.stiffness)).asinh()
+        let taut = self.exponent_length * (force_n / (2.0 * self.stiffness * self.exponent_length)).asinh();
+        // Without a load a slack pair may stand anywhere; the middle is as good as any.
+        if force_n == 0.0 { 0.0 } else { taut + 0.5 * self.slack * force_n.signum() }
     }
 }

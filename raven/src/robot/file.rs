@@ -29,6 +29,9 @@ pub struct Robot {
     /// Links, one per joint of an arm.
     #[serde(default)]
     pub links: Vec<Link>,
+    /// Mass at the tracked point beyond the links' own [kg].
+    #[serde(default)]
+    pub payload: f64,
     /// One sigma of what the nominal values are good for.
     pub tolerances: Tolerances,
     /// What calibration found out about the tip's observation.
@@ -159,6 +162,9 @@ pub struct ViscousCoulomb {
     pub coulomb: f64,
     /// [N m s or N s/m].
     pub viscous: f64,
+    /// Coulomb friction per force that the cable exerts on the joint [1].
+    #[serde(default)]
+    pub per_load: f64,
 }
 
 /// One entry of the cable coupling: `q_to += coefficient * q_from`, as cable travel at the joint.
@@ -341,6 +347,7 @@ impl Robot {
                 return Err("cable_coupling ties two joints together; its coefficients are too large.".to_owned());
             }
         }
+        within("payload", self.payload, [0.0, 100.0], "kg", "grams")?;
         for (i, link) in self.links.iter().enumerate() {
             within(&format!("links[{i}].mass"), link.mass, [1e-6, 100.0], "kg", "grams")?;
             if !link.center_of_mass.iter().chain(&link.inertia).all(|v| v.is_finite()) {
@@ -378,6 +385,8 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
     if let Some(cable) = joint.cable {
         within(&key("cable.stiffness"), cable.stiffness, [1.0, 1e9], "N", "another unit")?;
         within(&key("cable.damping"), cable.damping, [0.0, 1e7], "N s/m", "another unit")?;
+        within(&key("cable.exponent_length"), cable.exponent_length, [1e-6, 10.0], "m", "millimetres")?;
+        within(&key("cable.slack"), cable.slack, [0.0, 0.1], "m", "millimetres")?;
     }
     if let Some(motor) = joint.motor {
         within(&key("motor.inertia"), motor.inertia, [1e-9, 1e4], "kg m^2", "g cm^2")?;
@@ -387,6 +396,7 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
     if let Some(friction) = joint.link_friction {
         within(&key("link_friction.coulomb"), friction.coulomb, [0.0, 1e4], "N m or N", "another unit")?;
         within(&key("link_friction.viscous"), friction.viscous, [0.0, 1e4], "N m s or N s/m", "another unit")?;
+        within(&key("link_friction.per_load"), friction.per_load, [0.0, 2.0], "1", "percent")?;
     }
     Ok(())
 }

@@ -73,7 +73,7 @@ impl LinkModel {
         let stretch = transmission.stretch_m(motor, &state.position);
         let stretch_rate = transmission.stretch_rate_m_s(motor_rate, &state.rate);
         let tension = Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], stretch_rate[j]));
-        transmission.joint_force(&tension) - self.friction(&state.rate)
+        transmission.joint_force(&tension) - self.friction(&state.rate, &tension)
     }
 
     fn rigid_body(&self, state: &LinkState) -> RigidBody {
@@ -82,13 +82,17 @@ impl LinkModel {
         RigidBody { inverse_mass: mass.try_inverse().unwrap_or_else(|| Matrix3::repeat(f64::NAN)), bias }
     }
 
-    /// Friction of the joints [N m, N m, N] at joint velocities.
+    /// Friction of the joints [N m, N m, N] at joint velocities, under tension differences of the cables [N].
     #[must_use]
-    pub fn friction(&self, rate: &Vector3<f64>) -> Vector3<f64> {
+    pub fn friction(&self, rate: &Vector3<f64>, tension_n: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|j, _| {
-            let friction = &self.arm.link_friction[j];
-            friction.coulomb * (rate[j] / STICTION_SPEED[j]).tanh() + friction.viscous * rate[j]
+            self.dry_friction(j, tension_n[j]) * (rate[j] / STICTION_SPEED[j]).tanh() + self.arm.link_friction[j].viscous * rate[j]
         })
+    }
+
+    fn dry_friction(&self, j: usize, tension_n: f64) -> f64 {
+        let friction = &self.arm.link_friction[j];
+        friction.coulomb + friction.per_load * (tension_n * self.arm.transmission.link_radius_m[j]).abs()
     }
 
     /// One Runge-Kutta step of order four over `step_s`, the motors moving steadily from `motor` at `motor_rate`.
@@ -131,10 +135,11 @@ impl LinkModel {
     pub fn settled(&self, motor: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
         let rigid = self.arm.transmission.joint_from_motor(motor);
         let mut joint = rigid;
+        let mut tension = Vector3::zeros();
         for _ in 0..2 {
-            let drag = Vector3::from_fn(|j, _| self.arm.link_friction[j].coulomb * direction[j]);
+            let drag = Vector3::from_fn(|j, _| self.dry_friction(j, tension[j]) * direction[j]);
             let load = self.arm.dynamics.bias(&joint, &Vector3::zeros()) + drag;
-            let tension = self.arm.transmission.tension_n(&load);
+            tension = self.arm.transmission.tension_n(&load);
             let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]));
             joint = rigid - self.arm.transmission.joint_lag(&stretch);
         }

@@ -60,7 +60,7 @@ impl Robot {
         let links: [Link; 3] =
             self.links.as_slice().try_into().map_err(|_| wrong(&format!("{} links are given, not 3", self.links.len())))?;
         let lacks = |joint: &Joint, key: &str| wrong(&format!("joints.{}.{key} is missing", joint.name));
-        let mut cables = [Cable::default(); 3];
+        let mut cables = [Cable::new(1.0, 0.0); 3];
         let mut motors = [Motor::default(); 3];
         let mut link_friction = [ViscousCoulomb::default(); 3];
         let mut limits = [[0.0; 2]; 3];
@@ -76,7 +76,7 @@ impl Robot {
             cables,
             motors,
             link_friction,
-            dynamics: LinkDynamics::new(*kinematics, links, kinematics.gravity()),
+            dynamics: LinkDynamics::new(*kinematics, links, kinematics.gravity()).with_payload(self.payload),
             limits,
             hard_stop: nalgebra::Vector3::from_fn(|j, _| joints[j].hard_stop),
         })

@@ -82,7 +82,7 @@ fn a_wrong_radius_is_no_error_at_the_hard_stop() {
 
 #[test]
 fn the_cable_law_is_linear_at_millimetres() {
-    let cable = Cable { stiffness: 720_000.0, damping: 4000.0 };
+    let cable = Cable::new(720_000.0, 4000.0);
     assert_relative_eq!(cable.force(1e-3, 0.0), 2.0 * 720_000.0 * 1e-3, max_relative = 1e-6);
     assert_relative_eq!(cable.static_stretch_m(cable.force(2e-3, 0.0)), 2e-3, max_relative = 1e-12);
 }

@@ -69,6 +69,9 @@ impl Robot {
             let (mass, center, inertia) = (yaml_float(link.mass), list(&link.center_of_mass), list(&link.inertia));
             line(format!("  - {{mass: {mass}, center_of_mass: {center}, inertia: {inertia}}}"));
         }
+        if self.payload != 0.0 {
+            line(format!("payload: {}", yaml_float(self.payload)));
+        }
         line(self.tolerances_yaml());
         if self.observation != Observation::default() {
             line(observation_yaml(&self.observation));
@@ -130,16 +133,23 @@ fn joint_yaml(joint: &Joint) -> String {
         let _ = write!(text, "\n    limits: {}", list(&limits));
     }
     if let Some(c) = joint.cable {
-        let _ = write!(text, "\n    cable: {{stiffness: {}, damping: {}}}", yaml_float(c.stiffness), yaml_float(c.damping));
+        let more = [("exponent_length", c.exponent_length, 1.0), ("slack", c.slack, 0.0)].map(departure).concat();
+        let _ = write!(text, "\n    cable: {{stiffness: {}, damping: {}{more}}}", yaml_float(c.stiffness), yaml_float(c.damping));
     }
     if let Some(m) = joint.motor {
         let (inertia, coulomb, viscous) = (yaml_float(m.inertia), yaml_float(m.coulomb_friction), yaml_float(m.viscous_friction));
         let _ = write!(text, "\n    motor: {{inertia: {inertia}, coulomb_friction: {coulomb}, viscous_friction: {viscous}}}");
     }
     if let Some(f) = joint.link_friction {
-        let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
+        let more = departure(("per_load", f.per_load, 0.0));
+        let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{more}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
     }
     text
+}
+
+/// A key that stands in the file only where it says something.
+fn departure((key, value, usual): (&str, f64, f64)) -> String {
+    if value == usual { String::new() } else { format!(", {key}: {}", yaml_float(value)) }
 }
 
 fn observation_yaml(observation: &Observation) -> String {

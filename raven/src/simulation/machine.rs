@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::effect::{Effect, EffectKind};
-use crate::robot::{JointType, Kinematics, KinematicsKind, LinkDynamics, Motor, Robot, Transmission, ViscousCoulomb};
+use crate::robot::{Cable, JointType, Kinematics, KinematicsKind, LinkDynamics, Motor, Robot, Transmission, ViscousCoulomb};
 use crate::{Error, Result};
 
 /// Drive of one joint: motor, capstan, cable.
@@ -118,7 +118,7 @@ impl Machine {
 
     fn arm(robot: &Robot, actual: &Robot, effects: &[Effect]) -> Result<Self> {
         let (nominal, arm) = (robot.arm()?, actual.arm()?);
-        let payload_kg = effects.iter().filter(|e| e.kind == EffectKind::Payload).map(|e| e.values[0]).sum();
+        let payload_kg = robot.payload + effects.iter().filter(|e| e.kind == EffectKind::Payload).map(|e| e.values[0]).sum::<f64>();
         Ok(Self {
             drives: std::array::from_fn(|j| Drive::new(&actual.joints[j])),
             load: Load::Arm { kinematics: arm.kinematics, dynamics: Box::new(arm.dynamics.with_payload(payload_kg)) },
@@ -201,16 +201,17 @@ impl Machine {
 
 impl Drive {
     fn new(joint: &crate::robot::Joint) -> Self {
-        let cable = joint.cable.unwrap_or_default();
+        let cable = joint.cable.unwrap_or(Cable::new(0.0, 0.0));
+        let link_friction = joint.link_friction.unwrap_or_default();
         Self {
             gear_ratio: joint.gear_ratio,
             capstan_m: joint.motor_capstan_radius,
             pulley_m: joint.link_pulley_radius,
             stiffness_n: cable.stiffness,
             damping: cable.damping,
-            stiffening_m: 1.0,
+            stiffening_m: cable.exponent_length,
             play_half_m: 0.0,
-            backlash_half_m: 0.0,
+            backlash_half_m: 0.5 * cable.slack,
             creep: None,
             slip: None,
             eccentricity: [0.0; 2],
@@ -219,8 +220,8 @@ impl Drive {
             torque_gain: 1.0,
             torque_limit: f64::INFINITY,
             ripple: None,
-            link_friction: joint.link_friction.unwrap_or_default(),
-            load_friction: 0.0,
+            link_friction,
+            load_friction: link_friction.per_load,
             missed_counts: None,
         }
     }

@@ -1,0 +1,21 @@
+//! Damping of the cable.
+
+use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+
+/// cable-damping.
+pub const EFFECT: Effect = Effect {
+    id: "cable-damping",
+    scope: Scope::Joint,
+    stage: Stage::Transmission,
+    summary: "b_e times a factor",
+    parameters: &[Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.1), tolerance: Some(|robot, _| robot.tolerances.damping) }],
+    channels: &[Channel::Tip],
+    ties: &[Tie { id: "time-offset", exact: false }, Tie { id: "link-viscous-friction", exact: false }],
+    separated_by: "motion above three hertz, seen by a fast camera or joint encoders",
+    act: |model, place, values| {
+        let joint = &mut model.robot.joints[place.first];
+        if let Some(cable) = &mut joint.cable {
+            cable.damping *= values[0];
+        }
+    },
+};

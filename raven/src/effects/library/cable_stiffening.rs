@@ -1,0 +1,21 @@
+//! A cable that is soft near zero load and stiffens with stretch.
+
+use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+
+/// cable-stiffening.
+pub const EFFECT: Effect = Effect {
+    id: "cable-stiffening",
+    scope: Scope::Joint,
+    stage: Stage::Transmission,
+    summary: "gamma = 2 k_e x0 sinh(x / x0)",
+    parameters: &[Parameter { name: "length", unit: "m", scale: Scale::Shape { middle: 3e-4, size: 1.0 }, tolerance: None }],
+    channels: &[Channel::Tip],
+    ties: &[Tie { id: "backlash", exact: false }],
+    separated_by: "loads from none to full in one pose",
+    act: |model, place, values| {
+        let joint = &mut model.robot.joints[place.first];
+        if let Some(cable) = &mut joint.cable {
+            cable.exponent_length = values[0];
+        }
+    },
+};

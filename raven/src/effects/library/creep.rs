@@ -1,0 +1,35 @@
+//! Slow stretch that follows the load: a Kelvin-Voigt element in series with the cable.
+
+use super::super::tension::under_tension;
+use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+
+/// creep.
+pub const EFFECT: Effect = Effect {
+    id: "creep",
+    scope: Scope::Joint,
+    stage: Stage::Transmission,
+    summary: "z' = (ratio gamma / 2 k_e - z) / T in series with the cable",
+    parameters: &[
+        Parameter { name: "ratio", unit: "1", scale: Scale::Magnitude(Size::of(3.0)), tolerance: None },
+        Parameter { name: "time", unit: "s", scale: Scale::Shape { middle: 20.0, size: 1.0 }, tolerance: None },
+    ],
+    channels: &[Channel::Tip],
+    ties: &[Tie { id: "cable-slip", exact: false }, Tie { id: "missed-counts", exact: false }],
+    separated_by: "a pose held for a minute after a change of load, and again",
+    act: |model, place, values| {
+        let (j, ratio, time_s) = (place.first, values[0], values[1]);
+        model.motors.push(Box::new(move |arm, track| {
+            let stiffness = arm.cables[j].stiffness;
+            let per_stretch = 1.0 / arm.transmission.cable_per_motor_m[j];
+            let mut crept_m = None;
+            under_tension(arm, track, j, |step_s, tension_n, _| {
+                let settled_m = ratio * tension_n / (2.0 * stiffness);
+                // The recording starts with a robot that has stood there.
+                let before = crept_m.unwrap_or(settled_m);
+                let now = settled_m + (before - settled_m) * (-step_s / time_s).exp();
+                crept_m = Some(now);
+                -now * per_stretch
+            });
+        }));
+    },
+};

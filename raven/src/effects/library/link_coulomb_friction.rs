@@ -1,0 +1,26 @@
+//! Dry friction at the joint.
+
+use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+
+/// link-coulomb-friction.
+pub const EFFECT: Effect = Effect {
+    id: "link-coulomb-friction",
+    scope: Scope::Joint,
+    stage: Stage::Link,
+    summary: "F_c times a factor",
+    parameters: &[Parameter {
+        name: "factor",
+        unit: "1",
+        scale: Scale::Factor(1.3),
+        tolerance: Some(|robot, _| robot.tolerances.link_friction),
+    }],
+    channels: &[Channel::Tip, Channel::Torque],
+    ties: &[Tie { id: "motor-coulomb-friction", exact: false }, Tie { id: "hysteresis", exact: false }],
+    separated_by: "the same reversals at two cable tensions; without a tip it cannot be told from the motor's friction",
+    act: |model, place, values| {
+        let joint = &mut model.robot.joints[place.first];
+        if let Some(friction) = &mut joint.link_friction {
+            friction.coulomb *= values[0];
+        }
+    },
+};

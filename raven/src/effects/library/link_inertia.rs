@@ -1,0 +1,25 @@
+//! Inertia of a link.
+
+use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+
+/// link-inertia.
+pub const EFFECT: Effect = Effect {
+    id: "link-inertia",
+    scope: Scope::Joint,
+    stage: Stage::Link,
+    summary: "inertia of the link about its centre of mass times a factor; a prismatic joint's mass",
+    parameters: &[Parameter {
+        name: "factor",
+        unit: "1",
+        scale: Scale::Factor(0.3),
+        tolerance: Some(|robot, _| robot.tolerances.link_inertia),
+    }],
+    channels: &[Channel::Torque],
+    ties: &[Tie { id: "motor-inertia", exact: false }],
+    separated_by: "the same path at two speeds",
+    act: |model, place, values| {
+        if let Some(link) = model.robot.links.get_mut(place.first) {
+            link.inertia = link.inertia.map(|moment| moment * values[0]);
+        }
+    },
+};

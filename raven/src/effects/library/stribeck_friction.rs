@@ -1,0 +1,21 @@
+//! More dry friction of the motor at creep speed.
+
+use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+
+/// stribeck-friction.
+pub const EFFECT: Effect = Effect {
+    id: "stribeck-friction",
+    scope: Scope::Joint,
+    stage: Stage::Motor,
+    summary: "tau_c (1 + d exp(-(v / v_s)^2)), speed at the motor",
+    parameters: &[
+        Parameter { name: "depth", unit: "1", scale: Scale::Offset(Size::of(0.5)), tolerance: None },
+        Parameter { name: "speed", unit: "rad/s", scale: Scale::Shape { middle: 5.0, size: 0.8 }, tolerance: None },
+    ],
+    channels: &[Channel::Torque],
+    ties: &[Tie { id: "motor-coulomb-friction", exact: false }],
+    separated_by: "ramps at a tenth of a degree per second",
+    act: |model, place, values| {
+        model.drives[place.first].stribeck = [values[0], values[1]];
+    },
+};

@@ -1,0 +1,21 @@
+//! Torque ripple of the motor.
+
+use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+
+/// torque-ripple.
+pub const EFFECT: Effect = Effect {
+    id: "torque-ripple",
+    scope: Scope::Joint,
+    stage: Stage::Motor,
+    summary: "a sin(n q_m) on the shaft",
+    parameters: &[
+        Parameter { name: "amplitude", unit: "N m", scale: Scale::Offset(Size::of(2e-3)), tolerance: None },
+        Parameter { name: "per_turn", unit: "1", scale: Scale::Shape { middle: 6.0, size: 0.5 }, tolerance: None },
+    ],
+    channels: &[Channel::Torque],
+    ties: &[Tie { id: "pulley-eccentricity", exact: false }],
+    separated_by: "a slow turn of the motor",
+    act: |model, place, values| {
+        model.drives[place.first].ripple = [values[0], values[1]];
+    },
+};

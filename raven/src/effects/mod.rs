@@ -1,0 +1,182 @@
+//! Effects that the nominal model leaves out: named, physical extensions of it, to be held against recordings.
+//!
+//! An effect is one file of [`library`]: its identifier, stage, parameters with what is believed of them beforehand, the channels it shows
+//! in, its ties, and how it changes the [`Model`]. The equations are those of the fitted model; the virtual lab has its own.
+
+pub mod library;
+mod model;
+mod parameter;
+mod play;
+mod tension;
+mod tip;
+mod torque;
+mod view;
+
+pub use library::ALL;
+pub use model::{Drive, Model, MotorLaw};
+pub use parameter::{Parameter, Scale, Size};
+pub use play::play;
+pub use tip::{Sight, TipModel};
+pub use torque::{Shaft, TorqueModel};
+pub use view::View;
+
+use crate::robot::{JointType, Robot};
+use crate::{Error, Result};
+
+/// What an effect belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// A joint.
+    Joint,
+    /// Two joints, of which the first moves the cable of the second.
+    Pair,
+    /// One of the two link angles.
+    LinkAngle,
+    /// The whole robot.
+    Robot,
+    /// The camera rig.
+    Rig,
+}
+
+/// Where on the way from torque to image an effect sits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stage {
+    /// Motor encoder.
+    Encoder,
+    /// Torque to motor motion.
+    Motor,
+    /// Motor to joint.
+    Transmission,
+    /// Loads on the links.
+    Link,
+    /// Joint to tip.
+    Kinematics,
+    /// Tip to image.
+    Camera,
+    /// Clocks.
+    Timing,
+}
+
+/// What a recording can show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Channel {
+    /// Motor torque.
+    Torque,
+    /// Tip, or joint encoders on a bench.
+    Tip,
+}
+
+/// Another effect that looks alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tie {
+    /// Its identifier.
+    pub id: &'static str,
+    /// Whether no recording of motors and tip can tell them apart.
+    pub exact: bool,
+}
+
+/// One kind of effect.
+#[derive(Debug, Clone, Copy)]
+pub struct Effect {
+    /// Identifier.
+    pub id: &'static str,
+    /// What it belongs to.
+    pub scope: Scope,
+    /// Where it sits.
+    pub stage: Stage,
+    /// Its model in a sentence.
+    pub summary: &'static str,
+    /// Its numbers.
+    pub parameters: &'static [Parameter],
+    /// Where it shows.
+    pub channels: &'static [Channel],
+    /// What looks alike.
+    pub ties: &'static [Tie],
+    /// The motion that tells it from its ties.
+    pub separated_by: &'static str,
+    /// Builds it into the model, with values in the units of its parameters.
+    pub act: fn(&mut Model, Place, &[f64]),
+}
+
+/// The place of an effect: a joint, a pair, a link angle (0: 12, 1: 23), or the whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Place {
+    /// The joint, the moving joint of a pair, or the link angle.
+    pub first: usize,
+    /// The moved joint of a pair.
+    pub second: usize,
+}
+
+/// An effect at a place.
+#[derive(Debug, Clone, Copy)]
+pub struct Sited {
+    /// Kind.
+    pub effect: &'static Effect,
+    /// Place.
+    pub place: Place,
+}
+
+impl Effect {
+    /// The effect with an identifier.
+    ///
+    /// # Errors
+    /// With the identifiers there are.
+    pub fn named(id: &str) -> Result<&'static Self> {
+        ALL.iter().copied().find(|effect| effect.id == id).ok_or_else(|| {
+            let known: Vec<&str> = ALL.iter().map(|effect| effect.id).collect();
+            Error::Argument(format!("`{id}` is no effect; there are {}.", known.join(", ")))
+        })
+    }
+
+    /// Every place of the robot that it can be at.
+    #[must_use]
+    pub fn places(&self, robot: &Robot) -> Vec<Place> {
+        let joints = 0..robot.joints.len().min(3);
+        match self.scope {
+            Scope::Joint => joints.map(|first| Place { first, second: 0 }).collect(),
+            Scope::Pair => robot
+                .cable_coupling
+                .iter()
+                .filter_map(|c| Some(Place { first: robot.joint_index(&c.from).ok()?, second: robot.joint_index(&c.to).ok()? }))
+                .collect(),
+            Scope::LinkAngle => (0..2).map(|first| Place { first, second: 0 }).collect(),
+            Scope::Robot | Scope::Rig => vec![Place::default()],
+        }
+    }
+}
+
+impl Sited {
+    /// Every effect of the library at every place of a robot.
+    #[must_use]
+    pub fn all(robot: &Robot) -> Vec<Self> {
+        ALL.iter().flat_map(|effect| effect.places(robot).into_iter().map(move |place| Self { effect, place })).collect()
+    }
+
+    /// `joint` of a report: a joint's name, `from->to`, `12` or `23`, nothing for the whole.
+    #[must_use]
+    pub fn joint(&self, robot: &Robot) -> Option<String> {
+        let name = |j: usize| robot.joints.get(j).map(|joint| joint.name.clone());
+        match self.effect.scope {
+            Scope::Joint => name(self.place.first),
+            Scope::Pair => Some(format!("{}->{}", name(self.place.first)?, name(self.place.second)?)),
+            Scope::LinkAngle => Some(["12", "23"][self.place.first.min(1)].to_owned()),
+            Scope::Robot | Scope::Rig => None,
+        }
+    }
+
+    /// Kind of the joint whose units the parameters have; revolute for the whole.
+    #[must_use]
+    pub fn joint_type(&self, robot: &Robot) -> JointType {
+        let joint = match self.effect.scope {
+            Scope::Pair => self.place.second,
+            Scope::Joint => self.place.first,
+            _ => return JointType::Revolute,
+        };
+        robot.joints.get(joint).map_or(JointType::Revolute, |joint| joint.kind)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,116 @@
+//! What is believed of an effect's number before a recording is looked at.
+//!
+//! Hypotheses are compared in a coordinate `u` in which the effect's own prior, the slab, is `N(0, 1)` and no effect is `u = 0`. A number
+//! of the nominal model is off by its tolerance in any case: in `u` that is the spike `N(0, tolerance^2)`.
+
+use crate::robot::{JointType, Robot};
+
+/// How a number goes with `u`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// `size u`, 0 without the effect.
+    Offset(Size),
+    /// `exp(size u)`: a factor on the nominal value.
+    Factor(f64),
+    /// `size |u|`: cannot be negative, 0 without the effect.
+    Magnitude(Size),
+    /// `middle exp(size u)`: belongs to an effect whose other number says whether there is one.
+    Shape {
+        /// Value at `u = 0`.
+        middle: f64,
+        /// Deviation of its logarithm.
+        size: f64,
+    },
+    /// `u` from 0 to 1 along the recording.
+    Moment,
+}
+
+/// A typical size [unit of the parameter], which may depend on the kind of the joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Size {
+    /// Of a revolute joint, or of anything else.
+    pub revolute: f64,
+    /// Of a prismatic joint.
+    pub prismatic: f64,
+}
+
+/// One number of an effect.
+#[derive(Debug, Clone, Copy)]
+pub struct Parameter {
+    /// Name.
+    pub name: &'static str,
+    /// Unit; `joint` stands for rad or m.
+    pub unit: &'static str,
+    /// Its slab.
+    pub scale: Scale,
+    /// What the nominal value is good for, in the unit of `size`; `None` where the nominal model has no such thing.
+    pub tolerance: Option<fn(&Robot, super::Place) -> f64>,
+}
+
+impl Size {
+    /// The same for all.
+    #[must_use]
+    pub const fn of(size: f64) -> Self {
+        Self { revolute: size, prismatic: size }
+    }
+
+    /// For [rad] and [m].
+    #[must_use]
+    pub const fn per_kind(revolute: f64, prismatic: f64) -> Self {
+        Self { revolute, prismatic }
+    }
+
+    /// Of a joint.
+    #[must_use]
+    pub fn at(&self, kind: JointType) -> f64 {
+        match kind {
+            JointType::Revolute => self.revolute,
+            JointType::Prismatic => self.prismatic,
+        }
+    }
+}
+
+impl Parameter {
+    /// The value at `u`.
+    #[must_use]
+    pub fn value(&self, u: f64, kind: JointType) -> f64 {
+        match self.scale {
+            Scale::Offset(size) => size.at(kind) * u,
+            Scale::Factor(size) => (size * u).exp(),
+            Scale::Magnitude(size) => size.at(kind) * u.abs(),
+            Scale::Shape { middle, size } => middle * (size * u).exp(),
+            Scale::Moment => u.clamp(0.0, 1.0),
+        }
+    }
+
+    /// Deviation of the value where `u` has the deviation `std`.
+    #[must_use]
+    pub fn std(&self, u: f64, std: f64, kind: JointType) -> f64 {
+        match self.scale {
+            Scale::Offset(size) | Scale::Magnitude(size) => size.at(kind) * std,
+            Scale::Factor(size) | Scale::Shape { size, .. } => self.value(u, kind) * size * std,
+            Scale::Moment => std,
+        }
+    }
+
+    /// The spike's deviation in `u`: what the nominal value's tolerance amounts to.
+    #[must_use]
+    pub fn tolerance_u(&self, robot: &Robot, place: super::Place, kind: JointType) -> Option<f64> {
+        let tolerance = self.tolerance?(robot, place);
+        Some(match self.scale {
+            Scale::Offset(size) | Scale::Magnitude(size) => tolerance / size.at(kind),
+            Scale::Factor(size) | Scale::Shape { size, .. } => tolerance / size,
+            Scale::Moment => tolerance,
+        })
+    }
+
+    /// Unit in a report.
+    #[must_use]
+    pub fn unit_at(&self, kind: JointType) -> &'static str {
+        match (self.unit, kind) {
+            ("joint", JointType::Revolute) => "rad",
+            ("joint", JointType::Prismatic) => "m",
+            (unit, _) => unit,
+        }
+    }
+}

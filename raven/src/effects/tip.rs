@@ -1,0 +1,77 @@
+//! Where the cameras should see the tip when the motors move as recorded.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Model;
+use crate::Result;
+use crate::robot::{LinkModel, LinkState, MotorTrack, STICTION_SPEED};
+
+/// A tip to be predicted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    /// Stamp [s], on the motors' clock.
+    pub stamp_s: f64,
+    /// Seen here [m, frame 0].
+    pub position_m: Vector3<f64>,
+    /// [m^2].
+    pub covariance_m2: Matrix3<f64>,
+    /// Rows of the two images, from -1/2 to 1/2; 0 where they are not known.
+    pub rows: [f64; 2],
+}
+
+/// A model of the tip over one recording's motors.
+pub struct TipModel<'a> {
+    model: &'a Model,
+    links: LinkModel,
+    motors: MotorTrack,
+}
+
+/// Half of the window over which a motor's speed is taken [s].
+const HALF_WINDOW_S: f64 = 0.02;
+
+impl<'a> TipModel<'a> {
+    /// Of a model over recorded motors.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn new(model: &'a Model, recorded: &MotorTrack) -> Result<Self> {
+        let arm = model.robot.arm()?;
+        let motors = model.motors(&arm, recorded);
+        Ok(Self { model, links: LinkModel::new(arm), motors })
+    }
+
+    /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording.
+    /// `None` where the motors are not known.
+    #[must_use]
+    pub fn rolled_out(&self, sights: &[Sight]) -> Vec<Option<Vector3<f64>>> {
+        let times: Vec<f64> = sights.iter().map(|sight| self.model.view.shown_at_s(sight.stamp_s)).collect();
+        let states = self.links.rollout(&self.motors, &times);
+        self.seen(sights, states)
+    }
+
+    /// Predictions with the links at rest where the cables hold them: fifty times as fast, good for slopes.
+    #[must_use]
+    pub fn settled(&self, sights: &[Sight]) -> Vec<Option<Vector3<f64>>> {
+        let states = sights.iter().map(|sight| self.settled_at(self.model.view.shown_at_s(sight.stamp_s))).collect();
+        self.seen(sights, states)
+    }
+
+    fn settled_at(&self, time_s: f64) -> Option<LinkState> {
+        let (angle, rate) = self.motors.at(time_s)?;
+        let ends = [self.motors.at(time_s - HALF_WINDOW_S), self.motors.at(time_s + HALF_WINDOW_S)];
+        let rate = if let [Some((before, _)), Some((after, _))] = ends { (after - before) / (2.0 * HALF_WINDOW_S) } else { rate };
+        let rate = self.links.arm().transmission.joint_rate_from_motor(&rate);
+        let direction = Vector3::from_fn(|j, _| (rate[j] / STICTION_SPEED[j]).tanh());
+        Some(LinkState { position: self.links.settled(&angle, &direction), rate })
+    }
+
+    fn seen(&self, sights: &[Sight], states: Vec<Option<LinkState>>) -> Vec<Option<Vector3<f64>>> {
+        let (look, kinematics) = (self.model.view.look(), &self.links.arm().kinematics);
+        let seen = |(sight, state): (&Sight, Option<LinkState>)| {
+            let state = state?;
+            let rate = kinematics.jacobian(&state.position) * state.rate;
+            look.seen_m(&kinematics.forward(&state.position), &rate, sight.rows)
+        };
+        sights.iter().zip(states).map(seen).collect()
+    }
+}

@@ -1,0 +1,77 @@
+//! What torque the drives must have delivered for the motors to move as recorded: inverse dynamics of motors, cables and links.
+//!
+//! ```text
+//! N (I_m qdd_m + tau_c (1 + d e^-(v / v_s)^2) sign(qd_m) + tau_v qd_m - a sin(n q_m)) + r_mc gamma = clip(g tau_commanded)
+//! gamma = (1 + C)'^-1 (M qdd + C(q, qd) + G(q) + friction) / r_l
+//! ```
+//!
+//! The links are taken to move as the motors make them move rigidly: what stretch adds is parts in a thousand of the torque.
+
+use nalgebra::Vector3;
+
+use super::{Drive, Model};
+use crate::Result;
+use crate::robot::{Arm, LinkModel};
+
+/// Motors at one time, smoothed, with the torque that was commanded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shaft {
+    /// [s].
+    pub time_s: f64,
+    /// [rad].
+    pub angle: Vector3<f64>,
+    /// [rad/s].
+    pub rate: Vector3<f64>,
+    /// [rad/s^2].
+    pub acceleration: Vector3<f64>,
+    /// After the gear box [N m].
+    pub commanded: Vector3<f64>,
+}
+
+/// A model of the drives.
+pub struct TorqueModel {
+    arm: Arm,
+    links: LinkModel,
+    drives: [Drive; 3],
+    gear_ratio: Vector3<f64>,
+}
+
+impl TorqueModel {
+    /// Of a model.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn new(model: &Model) -> Result<Self> {
+        let arm = model.robot.arm()?;
+        let gear_ratio = Vector3::from_fn(|j, _| model.robot.joints[j].gear_ratio);
+        Ok(Self { links: LinkModel::new(arm.clone()), arm, drives: model.drives, gear_ratio })
+    }
+
+    /// What the drives deliver of a command [N m].
+    #[must_use]
+    pub fn delivered(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|j, _| {
+            (commanded[j] * self.drives[j].torque_gain).clamp(-self.drives[j].torque_limit, self.drives[j].torque_limit)
+        })
+    }
+
+    /// What they must have delivered [N m].
+    #[must_use]
+    pub fn needed(&self, shaft: &Shaft) -> Vector3<f64> {
+        let transmission = &self.arm.transmission;
+        let joint = transmission.joint_from_motor(&shaft.angle);
+        let rate = transmission.joint_rate_from_motor(&shaft.rate);
+        let (mass, bias) = self.arm.dynamics.mass_and_bias(&joint, &rate);
+        let load = mass * transmission.joint_rate_from_motor(&shaft.acceleration) + bias;
+        let tension = transmission.tension_n(&(load + self.links.friction(&rate, &transmission.tension_n(&load))));
+        Vector3::from_fn(|j, _| {
+            let (motor, drive, rate) = (&self.arm.motors[j], &self.drives[j], shaft.rate[j]);
+            let [depth, speed] = drive.stribeck;
+            let dry = motor.coulomb_friction * (1.0 + depth * (-(rate / speed).powi(2)).exp()) * rate.signum();
+            let [amplitude, per_turn] = drive.ripple;
+            let ripple = amplitude * (per_turn * shaft.angle[j]).sin();
+            let on_shaft = motor.inertia * shaft.acceleration[j] + dry + motor.viscous_friction * rate - ripple;
+            self.gear_ratio[j] * (on_shaft + transmission.cable_per_motor_m[j] * tension[j])
+        })
+    }
+}
