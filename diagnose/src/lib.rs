@@ -2,6 +2,7 @@
 //!
 //! The simulator is the robot model with the parameter file in hand; the gap is what a recording says against it.
 
+pub mod evidence;
 pub mod gap;
 pub mod phase;
 pub mod residual;

@@ -15,7 +15,7 @@ mod view;
 pub use library::ALL;
 pub use model::{Drive, Model, MotorLaw};
 pub use parameter::{Parameter, Scale, Size};
-pub use play::play;
+pub use play::lag;
 pub use tip::{Sight, TipModel};
 pub use torque::{Shaft, TorqueModel};
 pub use view::View;

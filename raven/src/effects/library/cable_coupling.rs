@@ -1,7 +1,7 @@
 //! A joint that moves another's cable more or less than believed.
 
 use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
-use crate::robot::Coupling;
+use crate::robot::JointType;
 
 /// cable-coupling.
 pub const EFFECT: Effect = Effect {
@@ -13,10 +13,12 @@ pub const EFFECT: Effect = Effect {
         name: "coefficient",
         unit: "joint/rad",
         scale: Scale::Offset(Size::per_kind(0.03, 0.006)),
+        // Named without a unit, but it is one of the coefficient in rad/rad; in m/rad a third of it, as of hard stops.
         tolerance: Some(|robot, place| {
-            let named = |j: usize| robot.joints.get(j).map(|joint| joint.name.as_str());
-            let of_pair = |c: &&Coupling| Some(c.from.as_str()) == named(place.first) && Some(c.to.as_str()) == named(place.second);
-            robot.cable_coupling.iter().find(of_pair).map_or(0.0, |c| c.coefficient.abs() * robot.tolerances.cable_coupling)
+            robot.joints.get(place.second).map_or(0.0, |joint| match joint.kind {
+                JointType::Revolute => robot.tolerances.cable_coupling,
+                JointType::Prismatic => robot.tolerances.cable_coupling / 3.0,
+            })
         }),
     }],
     channels: &[Channel::Tip],

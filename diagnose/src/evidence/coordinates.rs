@@ -1,0 +1,113 @@
+//! Every number in which the robot may depart from the model, in units of its effect's own prior.
+
+use raven::effects::{Channel, Effect, Scale, Scope, Sited};
+use raven::robot::{JointType, Robot};
+
+use super::rows::{Rows, Setting};
+
+/// One number of one effect at one place.
+#[derive(Debug, Clone, Copy)]
+pub struct Coordinate {
+    /// Which of [`Coordinates::sited`].
+    pub effect: usize,
+    /// Which of its parameters.
+    pub parameter: usize,
+    /// Deviation of the nominal value in `u`; `None` where the nominal model has no such thing.
+    pub spike: Option<f64>,
+}
+
+/// All effects that these recordings can show, and their numbers.
+pub struct Coordinates {
+    /// Effects at their places.
+    pub sited: Vec<Sited>,
+    /// Kind of joint whose units each has.
+    pub kinds: Vec<JointType>,
+    /// Effects that cannot show, with the reason.
+    pub not_observable: Vec<(&'static Effect, &'static str)>,
+    /// Numbers.
+    pub all: Vec<Coordinate>,
+}
+
+impl Coordinates {
+    /// Of a robot and what was recorded.
+    #[must_use]
+    pub fn new(robot: &Robot, rows: &Rows) -> Self {
+        let mut not_observable: Vec<(&'static Effect, &'static str)> = Vec::new();
+        let mut sited = Vec::new();
+        for each in Sited::all(robot) {
+            let channels = each.effect.channels;
+            let shows = channels.iter().any(|channel| match channel {
+                Channel::Torque => rows.has_torque(),
+                Channel::Tip => rows.has_tip(),
+            });
+            let because = if !shows && channels == [Channel::Torque] {
+                Some("the recording has no motor torque")
+            } else if !shows {
+                Some("the recording has no tip")
+            } else if each.effect.scope == Scope::Rig && needs_lenses(each.effect) && !rows.has_cameras() {
+                Some("the cameras are not known; give --cameras")
+            } else {
+                None
+            };
+            match because {
+                None => sited.push(each),
+                Some(because) if not_observable.iter().all(|(effect, _)| effect.id != each.effect.id) => {
+                    not_observable.push((each.effect, because));
+                }
+                Some(_) => {}
+            }
+        }
+        let kinds: Vec<JointType> = sited.iter().map(|s| s.joint_type(robot)).collect();
+        let all = sited.iter().zip(&kinds).enumerate().flat_map(|(effect, (s, &kind))| {
+            s.effect.parameters.iter().enumerate().map(move |(parameter, p)| Coordinate {
+                effect,
+                parameter,
+                spike: p.tolerance_u(robot, s.place, kind).filter(|spike| *spike > 0.0),
+            })
+        });
+        let all = all.collect();
+        Self { sited, kinds, not_observable, all }
+    }
+
+    /// The coordinates of an effect.
+    pub fn of(&self, effect: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.all.len()).filter(move |&c| self.all[c].effect == effect)
+    }
+
+    /// Coordinates that the nominal model has, off by their tolerance in any case.
+    pub fn nominal(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.all.len()).filter(|&c| self.all[c].spike.is_some())
+    }
+
+    /// The model's settings at a point; effects that do not change anything are left out.
+    #[must_use]
+    pub fn settings(&self, u: &[f64]) -> Vec<Setting> {
+        let mut settings = Vec::new();
+        let mut at = 0;
+        for sited in &self.sited {
+            let count = sited.effect.parameters.len();
+            let own = &u[at..at + count];
+            if acts(sited.effect, own) {
+                settings.push((*sited, own.to_vec()));
+            }
+            at += count;
+        }
+        settings
+    }
+}
+
+fn needs_lenses(effect: &Effect) -> bool {
+    matches!(effect.id, "stereo-scale" | "lens-distortion" | "stereo-desync" | "rolling-shutter")
+}
+
+/// Whether an effect is there at all: one whose size is zero is not, whatever its shape.
+fn acts(effect: &Effect, u: &[f64]) -> bool {
+    effect.parameters.iter().zip(u).any(|(p, &u)| match p.scale {
+        Scale::Offset(_) | Scale::Factor(_) | Scale::Magnitude(_) => u != 0.0,
+        Scale::Shape { .. } => effect.parameters.len() == 1 && u != ABSENT,
+        Scale::Moment => false,
+    })
+}
+
+/// `u` of a shape that stands for no effect, of effects that have nothing but a shape.
+pub const ABSENT: f64 = f64::INFINITY;

@@ -1,0 +1,95 @@
+//! A recording as the hypotheses see it: tips, and drives with their torque.
+
+use nalgebra::{Matrix2, Matrix3, Vector3};
+use raven::Result;
+use raven::camera::Cameras;
+use raven::effects::{Shaft, Sight};
+use raven::log::{Recording, TipStatus};
+use raven::observation::three_joints;
+use raven::robot::{MotorTrack, PAUSE_MAX_S};
+
+/// Window of the motors' smoothing [s]: a quadratic through it has the acceleration to 1 rad/s^2 beside encoder counts, and follows 4 Hz.
+pub const WINDOW_S: f64 = 0.06;
+/// Time between two torque samples [s].
+const STRIDE_S: f64 = 0.02;
+
+/// What one recording offers.
+pub struct Data {
+    /// Motors.
+    pub motors: MotorTrack,
+    /// Tips that were seen.
+    pub sights: Vec<Sight>,
+    /// Drives; empty without torque.
+    pub shafts: Vec<Shaft>,
+}
+
+impl Data {
+    /// Of a recording; `cameras` tell at which row an image shows the tip.
+    ///
+    /// # Errors
+    /// If the log has no motor angles of three joints.
+    pub fn new(recording: &Recording, cameras: Option<&Cameras>) -> Result<Self> {
+        let motors = recording.motor_track()?;
+        let seen = recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen);
+        let sights = seen.map(|tip| Sight {
+            stamp_s: tip.stamp.seconds_since(recording.start),
+            position_m: tip.position_m,
+            covariance_m2: tip.covariance_m2,
+            rows: cameras.map_or([0.0; 2], |c| {
+                let row =
+                    |pixel: [f64; 2], height: u32| if pixel[1].is_finite() { (pixel[1] + 0.5) / f64::from(height) - 0.5 } else { 0.0 };
+                [row(tip.left_px, c.left.height), row(tip.right_px, c.right.height)]
+            }),
+        });
+        let finite = |sight: &Sight| sight.position_m.iter().chain(&sight.covariance_m2).all(|v| v.is_finite());
+        let sights = sights.filter(finite).collect();
+        let shafts = match recording.require_motor()?.effort.as_ref() {
+            Some(effort) if effort.len() >= 3 => {
+                let series = recording.require_motor()?;
+                three_joints(series, recording)?;
+                let torque = (0..series.len()).map(|k| Vector3::from_fn(|j, _| effort[j][k])).collect::<Vec<_>>();
+                shafts(&motors, &torque)
+            }
+            _ => Vec::new(),
+        };
+        Ok(Self { motors, sights, shafts })
+    }
+}
+
+/// Motors smoothed by a local quadratic, with the mean torque of the same window.
+fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
+    let (Some(&start), Some(&end)) = (motors.time_s.first(), motors.time_s.last()) else { return Vec::new() };
+    let count = ((end - start) / STRIDE_S).floor() as usize;
+    (1..count).filter_map(|k| shaft(motors, torque, start + k as f64 * STRIDE_S)).collect()
+}
+
+fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
+    let from = motors.time_s.partition_point(|&t| t < time_s - 0.5 * WINDOW_S);
+    let to = motors.time_s.partition_point(|&t| t <= time_s + 0.5 * WINDOW_S);
+    let times = motors.time_s.get(from..to)?;
+    let whole = times.len() >= 5 && times.windows(2).all(|pair| pair[1] - pair[0] <= PAUSE_MAX_S.min(0.5 * WINDOW_S));
+    if !whole || torque[from..to].iter().any(|t| !t.iter().all(|v| v.is_finite())) {
+        return None;
+    }
+    // Least squares of [1, t, t^2 / 2].
+    let mut normal = Matrix3::zeros();
+    let mut right = Matrix3::zeros();
+    for (t, angle) in times.iter().zip(&motors.angle[from..to]) {
+        let t = t - time_s;
+        let row = Vector3::new(1.0, t, 0.5 * t * t);
+        normal += row * row.transpose();
+        right += row * angle.transpose();
+    }
+    let fit = normal.try_inverse()? * right;
+    // The torque by the same fit's value at the middle: a mean would lag behind where the load bends.
+    let scale = Matrix2::new(times.len() as f64, normal[(0, 2)], normal[(0, 2)], normal[(2, 2)]).try_inverse()?;
+    let (mut sum, mut bent) = (Vector3::zeros(), Vector3::zeros());
+    for (t, torque) in times.iter().zip(&torque[from..to]) {
+        let t = t - time_s;
+        sum += torque;
+        bent += torque * (0.5 * t * t);
+    }
+    let commanded = sum * scale[(0, 0)] + bent * scale[(0, 1)];
+    let row = |k: usize| fit.row(k).transpose();
+    Some(Shaft { time_s, angle: row(0), rate: row(1), acceleration: row(2), commanded })
+}
