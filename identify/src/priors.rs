@@ -15,7 +15,7 @@ use crate::parameters::{ALL, Quantity, Selection};
 
 /// Spread of a radius that is looked for: 10 %.
 const RADIUS: f64 = 0.1;
-/// Spread of stiffness and friction that are looked for: a factor of three.
+/// Spread of stiffness, damping and friction that are looked for: a factor of three.
 const FACTOR: f64 = 1.098_612_288_668_109_8;
 /// Spread of a hard stop that is looked for, 3 deg and 10 mm.
 const HARD_STOP_RAD: f64 = 0.052_359_877_559_829_89;
@@ -102,7 +102,7 @@ fn spread(quantity: Quantity, robot: &Robot, named: bool, quality: &Quality) -> 
         Quantity::HardStop(j) if named => by_kind(j, HARD_STOP_RAD, HARD_STOP_M),
         Quantity::HardStop(j) => tolerances.hard_stop_of(kind(j)),
         Quantity::Coupling(_, to) => by_kind(to, COUPLING_RAD, COUPLING_M),
-        Quantity::Stiffness(_) | Quantity::Coulomb(_) => FACTOR,
+        Quantity::Stiffness(_) | Quantity::Damping(_) | Quantity::Coulomb(_) => FACTOR,
         Quantity::Latency => LATENCY_S,
         Quantity::Rotation(axis) => {
             quality.registration_rotation_std_rad.map_or(REGISTRATION_RAD, |std| std[axis]).max(tolerances.camera_rotation_rad)
