@@ -3,11 +3,13 @@
 //! A recording has the motors' angles and the tip as the cameras saw it; between them lie cables, pulleys, hard stops, clocks and a
 //! registration. [`parameters`] names these numbers, [`priors`] says what is known of them beforehand, [`problem`] compares
 //! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
-//! that the recording determined into the robot file. [`export`] hands them to the controller.
+//! that the recording determined into the robot file.
+//! [`identifiability`] says what a recording can tell at all. [`export`] hands them to the controller.
 
 pub mod args;
 pub mod batch;
 pub mod export;
+pub mod identifiability;
 pub mod identified;
 pub mod misfit;
 pub mod motion;
@@ -25,6 +27,7 @@ use std::time::Instant;
 
 pub use args::Args;
 use args::Command;
+use identifiability::Identifiability;
 use identified::Finding;
 use parameters::Selection;
 use problem::Problem;
@@ -67,8 +70,10 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let estimate = estimate?;
     let findings = Finding::all(&unknowns, &estimate);
     let squares = problem.normalized_squares(&estimate.z)?;
+    let identifiability = Identifiability::of(&robot, &problem, &unknowns, &estimate)?;
     let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
-    let report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
+    let mut report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
+    report.identifiability = Some(identifiability);
 
     if let Some(path) = &args.output {
         identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;

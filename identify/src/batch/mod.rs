@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use covariance::Curvature;
 use gauss_newton::minimize;
 pub use gauss_newton::{Jacobian, central_difference, forward_difference};
+pub use robust::Cauchy;
 
 /// Ratio of posterior to prior deviation above which a log has not determined a quantity.
 pub const IDENTIFIED_BELOW: f64 = 0.5;
