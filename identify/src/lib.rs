@@ -4,10 +4,12 @@
 //! registration. [`parameters`] names these numbers, [`priors`] says what is known of them beforehand, [`problem`] compares
 //! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
 //! that the recording determined into the robot file.
-//! [`identifiability`] says what a recording can tell at all. [`export`] hands them to the controller.
+//! [`identifiability`] says what a recording can tell at all. [`export`] hands them to the controller; [`excite`]
+//! proposes what to record next.
 
 pub mod args;
 pub mod batch;
+pub mod excite;
 pub mod export;
 pub mod identifiability;
 pub mod identified;
@@ -45,6 +47,7 @@ use report::Report;
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match &args.command {
         Some(Command::Export(export)) => export::run(export, out),
+        Some(Command::Excite(excite)) => excite::run(excite, out),
         None => identify(&args.identify, out),
     }
 }

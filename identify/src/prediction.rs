@@ -6,8 +6,9 @@
 //! q = q_rigid(q_m) - (1 + C)^-1 x / r_l,   gamma(x) = (1 + C)'^-1 (G(q) + F_c tanh(qd / v_s)) / r_l
 //! ```
 //!
-//! with the motors' direction of motion for the friction's. Leaving out inertia and cable damping costs 1e-4 rad rms and 6 um on
-//! motions of 0.8 rad/s. Where they matter, the [`lag`](Predictor::lag) of a rollout behind that rest is added. The prediction is then
+//! with the motors' direction of motion for the friction's. At reversals friction holds a joint back while its cable winds up, and inertia
+//! and damping move it too: 1e-4 rad rms and 6 um on motions of 0.8 rad/s. The [`lag`](Predictor::lag) of a rollout behind that rest is
+//! added. The prediction is then
 //! moved as the registration is off, so that it meets the sighting, and the sighting's covariance, in the frame in which they were
 //! recorded.
 

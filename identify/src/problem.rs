@@ -10,8 +10,9 @@
 //! with `J` from joints to the seen tip, and the misfit `u` of each joint estimated from the residuals along with everything else. A
 //! joint that does not follow the model then does not speak for the others.
 //!
-//! With a cable's damping among the unknowns the joints lag behind their rest, which takes a rollout of the whole motion to know. Radii,
-//! hard stops, couplings and registration move the rest alone: their columns of the Jacobian keep the lag as it is.
+//! Friction holds the joints back for a while at every reversal, and inertia and damping keep them from where they would rest. Rollouts
+//! of the whole motion say by how much. That lag hardly depends on radii, hard stops, couplings and registration: it is taken from the
+//! estimate at rest and kept. Only with a cable's damping among the unknowns does every prediction come from rollouts of its own.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -40,6 +41,9 @@ const MISFIT_SETTLED: f64 = 0.1;
 const PART_HELD: f64 = 0.05;
 const LATENCY_HELD_S: f64 = 2e-3;
 const REST_HELD: f64 = 0.5;
+/// Rollouts that find out how far from rest the joints are, where no damping is looked for: each corrects the one before in the second
+/// order.
+const LAGS: usize = 2;
 /// Misfit that is as good as none [rad, rad, m]: a third of the tolerance of a hard stop.
 const MISFIT_NONE: Vector3<f64> = Vector3::new(3e-4, 3e-4, 1e-4);
 
@@ -54,10 +58,19 @@ pub struct Problem<'a> {
     misfit: Vector3<f64>,
     /// Per sighting, what makes its residual one of unit covariance [1/m].
     whiten: Vec<Matrix3<f64>>,
-    /// Whether predictions come from rollouts.
-    rolling: bool,
+    joints: Joints,
     /// Columns of the Jacobian [m] that took rollouts, and where.
     rolled: Arc<Mutex<Rolled>>,
+}
+
+/// How far predictions take the joints to be from where the cables hold them at rest.
+#[derive(Debug, Clone)]
+enum Joints {
+    AtRest,
+    /// As far as a rollout near the estimate has them, per sighting [rad, rad, m].
+    Lagging(Vec<Vector3<f64>>),
+    /// As far as a rollout with the very numbers has them.
+    Rolling,
 }
 
 /// Columns of the Jacobian that took rollouts, by unknown.
@@ -82,7 +95,7 @@ impl<'a> Problem<'a> {
             joint.motor_at_hard_stop = Some(motor);
         }
         let mut problem =
-            Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten: Vec::new(), rolling: false, rolled: Arc::default() };
+            Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten: Vec::new(), joints: Joints::AtRest, rolled: Arc::default() };
         problem.weigh(&DVector::zeros(unknowns.len()))?;
         Ok(problem)
     }
@@ -108,10 +121,16 @@ impl<'a> Problem<'a> {
     pub fn estimate(&mut self, may_hold: &[bool]) -> Result<Estimate> {
         let mut z = DVector::zeros(self.unknowns.len());
         self.settle(&mut z)?;
+        // From where the joints at rest agree with the sightings, rollouts have little left to do.
         if self.unknowns.iter().any(|u| u.quantity.is_damping()) {
-            // From where the joints at rest agree with the sightings, rollouts have little left to do.
-            self.rolling = true;
+            self.joints = Joints::Rolling;
             self.settle(&mut z)?;
+        } else {
+            for _ in 0..LAGS {
+                let predictor = Predictor::new(&self.robot(&z))?;
+                self.joints = Joints::Lagging(self.rollout(&predictor));
+                self.settle(&mut z)?;
+            }
         }
         batch::estimate(self, may_hold, &z)
     }
@@ -161,13 +180,21 @@ impl<'a> Problem<'a> {
         self.sessions.iter().flat_map(|session| session.sightings.iter().map(move |sighting| (session, sighting)))
     }
 
-    /// What a rollout adds to the joints at rest.
     fn lag(&self, predictor: &Predictor) -> Lag {
+        match &self.joints {
+            Joints::AtRest => None,
+            Joints::Lagging(lag) => Some(lag.clone()),
+            Joints::Rolling => Some(self.rollout(predictor)),
+        }
+    }
+
+    /// What rollouts add to the joints at rest.
+    fn rollout(&self, predictor: &Predictor) -> Vec<Vector3<f64>> {
         let of_session = |session: &Session| {
             let times_s: Vec<f64> = session.sightings.iter().map(|s| s.time_s).collect();
             predictor.lag(&session.motion, &times_s)
         };
-        self.rolling.then(|| self.sessions.iter().flat_map(of_session).collect())
+        self.sessions.iter().flat_map(of_session).collect()
     }
 
     /// Prediction less sighting [m].
@@ -181,7 +208,7 @@ impl<'a> Problem<'a> {
 
     fn derivatives(&self, z: &DVector<f64>, columns: &[usize], whiten: &[Matrix3<f64>]) -> Result<Jacobian> {
         let (swinging, resting): (Vec<usize>, Vec<usize>) =
-            columns.iter().partition(|k| self.rolling && self.unknowns[**k].quantity.is_dynamic());
+            columns.iter().partition(|k| matches!(self.joints, Joints::Rolling) && self.unknowns[**k].quantity.is_dynamic());
         let lag = self.lag(&Predictor::new(&self.robot(z))?);
         let at_rest = |z: &DVector<f64>| Ok(self.errors(&Predictor::new(&self.robot(z))?, &lag));
         let mut slopes: BTreeMap<usize, Vec<Vector3<f64>>> =

@@ -51,7 +51,7 @@ fn session(truth: &Robot, motion: &Motion, random: &mut ChaCha8Rng, alike: f64) 
         }
         let time_s = start + (i as f64 + 0.5) / CAMERA_HZ;
         if motion.covers(time_s - 0.1, time_s + 0.1) {
-            let seen = predictor.seen_m(motion, time_s) + normal() + alike * common;
+            let seen = predictor.seen_lagging_m(motion, time_s, &predictor.lag(motion, &[time_s])[0]) + normal() + alike * common;
             sightings.push(Sighting::new(time_s, seen, &covariance()).unwrap());
         }
     }
