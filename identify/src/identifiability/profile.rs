@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use crate::batch::estimate;
 
-    /// `r = 60 sin-like slopes (f(z_0) + z_1), 30 z_1`, with `f` straight or saturating.
+    /// Sixty residuals `0.4 (f(z_0) + z_1), 0.4 z_1`, with `f` straight or saturating.
     struct Curve {
         saturating: bool,
     }
@@ -142,7 +142,8 @@ mod tests {
         }
 
         fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
-            let shown = if self.saturating { 1.0 - (-z[0]).exp() } else { z[0] };
+            // Of what saturates at 1, 0.9 was seen.
+            let shown = if self.saturating { 0.1 - (-z[0]).exp() } else { z[0] };
             Ok((0..60).map(|i| Vector3::new(0.4 * (shown + z[1]), 0.4 * z[1], 0.01 * f64::from(i % 7))).collect())
         }
 
@@ -170,6 +171,6 @@ mod tests {
     #[test]
     fn what_saturates_is_open_to_that_side() {
         let [low, high] = profile(true);
-        assert!(low.is_some_and(|low| low > -1.0) && high.is_none(), "{low:?} to {high:?}");
+        assert!(low.is_some_and(|low| low > -1.5) && high.is_none(), "{low:?} to {high:?}");
     }
 }
