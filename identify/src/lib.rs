@@ -9,6 +9,7 @@
 
 pub mod args;
 pub mod batch;
+pub mod damping;
 pub mod excite;
 pub mod export;
 pub mod identifiability;
@@ -58,13 +59,14 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     robot.arm()?;
     let quality = args.cameras.as_deref().map_or_else(|| Ok(Quality::default()), |path| Cameras::read(path).map(|c| c.quality))?;
     let selection = args.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
-    let unknowns = priors::unknowns(&robot, &selection, &quality)?;
+    let mut unknowns = priors::unknowns(&robot, &selection, &quality)?;
     let recordings = {
         let spinner = cli::spinner("reading logs");
         let recordings = Recordings::read(args.logs()?, &robot);
         spinner.finish_and_clear();
         recordings?
     };
+    let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let spinner = cli::spinner("estimating");
@@ -87,7 +89,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if args.json.as_deref() != Some(Path::new("-")) {
         print(out, &report.table())?;
     }
-    recordings.lost.iter().chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
+    recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }
 

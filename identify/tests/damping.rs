@@ -17,9 +17,9 @@ use raven_identify::priors;
 use raven_identify::problem::Problem;
 use raven_identify::session::{Session, Sighting};
 
-const DURATION_S: f64 = 20.0;
+const DURATION_S: f64 = 16.0;
 const CAMERA_HZ: f64 = 15.0;
-const SAMPLES: u64 = 12;
+const SAMPLES: u64 = 10;
 
 /// A multisine as seen by nominal cameras.
 fn session(truth: &Robot, random: &mut ChaCha8Rng) -> Session {
@@ -71,8 +71,8 @@ fn damping_and_stiffness_are_known_as_well_as_claimed() {
             }
         }
     }
-    // Mean of twelve squared normals: 99 % lie between 0.26 and 2.36.
+    // Mean of ten squared normals: 99 % lie between 0.22 and 2.52.
     for ((name, ..), square) in truths.iter().zip(squares) {
-        assert!((0.26..2.36).contains(&square), "{name}: squared errors are {square:.2} of the claimed variance");
+        assert!((0.22..2.52).contains(&square), "{name}: squared errors are {square:.2} of the claimed variance");
     }
 }

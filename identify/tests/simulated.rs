@@ -44,14 +44,14 @@ fn session(truth: &Robot, motion: &Motion, random: &mut ChaCha8Rng, alike: f64) 
     let [start, end] = motion.span_s();
     let mut normal = || factor * Vector3::from_fn(|_, _| StandardNormal.sample(random));
     let mut common = normal();
+    let times: Vec<f64> = (0..((end - start) * CAMERA_HZ) as usize).map(|i| start + (i as f64 + 0.5) / CAMERA_HZ).collect();
     let mut sightings = Vec::new();
-    for i in 0..((end - start) * CAMERA_HZ) as usize {
+    for (i, (&time_s, lag)) in times.iter().zip(&predictor.lag(motion, &times)).enumerate() {
         if i % (BLOCK_S * CAMERA_HZ) as usize == 0 {
             common = normal();
         }
-        let time_s = start + (i as f64 + 0.5) / CAMERA_HZ;
         if motion.covers(time_s - 0.1, time_s + 0.1) {
-            let seen = predictor.seen_lagging_m(motion, time_s, &predictor.lag(motion, &[time_s])[0]) + normal() + alike * common;
+            let seen = predictor.seen_lagging_m(motion, time_s, lag) + normal() + alike * common;
             sightings.push(Sighting::new(time_s, seen, &covariance()).unwrap());
         }
     }
