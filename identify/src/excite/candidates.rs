@@ -99,7 +99,7 @@ impl Candidate {
                 let count = (duration_s / 1.5).floor().max(2.0) as usize / 2 * 2;
                 let step_s = duration_s / count as f64;
                 let turn = |path: Trajectory, i: usize| {
-                    let to = if i % 2 == 0 { part + SWEEP } else { part - SWEEP };
+                    let to = if i.is_multiple_of(2) { part + SWEEP } else { part - SWEEP };
                     path.then(0.2 * step_s, 0.8 * step_s, at([to; 3]))
                 };
                 ((0..count).fold(Trajectory::rest(at([part - SWEEP; 3])), turn), Vec::new())
