@@ -30,6 +30,14 @@ impl Finding {
         };
         unknowns.iter().enumerate().map(find).collect()
     }
+
+    /// How many prior deviations the value is from the prior.
+    #[must_use]
+    pub fn deviations(&self) -> f64 {
+        let Unknown { quantity, prior, spread, .. } = &self.unknown;
+        let moved = if quantity.is_positive() { (self.value / prior).ln() } else { self.value - prior };
+        (moved / spread).abs()
+    }
 }
 
 /// The robot file with the findings in it.

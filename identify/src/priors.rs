@@ -15,7 +15,7 @@ use crate::parameters::{ALL, Quantity, Selection};
 
 /// Spread of a radius that is looked for: 10 %.
 const RADIUS: f64 = 0.1;
-/// Spread of stiffness and friction that are looked for: a factor of three.
+/// Spread of stiffness, damping and friction that are looked for: a factor of three.
 const FACTOR: f64 = 1.098_612_288_668_109_8;
 /// Spread of a hard stop that is looked for, 3 deg and 10 mm.
 const HARD_STOP_RAD: f64 = 0.052_359_877_559_829_89;
@@ -31,6 +31,8 @@ const REGISTRATION_M: f64 = 0.005;
 
 /// Prior deviations of a logarithm beyond which no value is looked at: a factor of 81 for cables.
 const FACTORS_MAX: f64 = 4.0;
+/// The same for more damping, whose poles make rollouts slow: a factor of nine.
+const DAMPING_MAX: f64 = 2.0;
 
 /// One unknown of the estimation.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,10 +56,14 @@ impl Unknown {
         if self.quantity.is_positive() { self.prior * (self.spread * z).exp() } else { self.prior + self.spread * z }
     }
 
-    /// `z`, kept within [`FACTORS_MAX`] where a factor is estimated: no hardware is beyond, and a model of it would be too stiff to move.
+    /// `z`, kept where hardware can be if a factor is estimated: within [`FACTORS_MAX`], and a damping below [`DAMPING_MAX`].
     #[must_use]
     pub fn bounded(&self, z: f64) -> f64 {
-        if self.quantity.is_positive() { z.clamp(-FACTORS_MAX, FACTORS_MAX) } else { z }
+        match self.quantity {
+            Quantity::Damping(_) => z.clamp(-FACTORS_MAX, DAMPING_MAX),
+            quantity if quantity.is_positive() => z.clamp(-FACTORS_MAX, FACTORS_MAX),
+            _ => z,
+        }
     }
 
     /// Standard deviation [SI] at a value, of a standard deviation of `z`.
@@ -111,7 +117,7 @@ fn spread(quantity: Quantity, robot: &Robot, named: bool, quality: &Quality) -> 
         Quantity::HardStop(j) if named => by_kind(j, HARD_STOP_RAD, HARD_STOP_M),
         Quantity::HardStop(j) => tolerances.hard_stop_of(kind(j)),
         Quantity::Coupling(_, to) => by_kind(to, COUPLING_RAD, COUPLING_M),
-        Quantity::Stiffness(_) | Quantity::Coulomb(_) => FACTOR,
+        Quantity::Stiffness(_) | Quantity::Damping(_) | Quantity::Coulomb(_) => FACTOR,
         Quantity::Latency => LATENCY_S,
         Quantity::Rotation(axis) => {
             quality.registration_rotation_std_rad.map_or(REGISTRATION_RAD, |std| std[axis]).max(tolerances.camera_rotation_rad)

@@ -48,7 +48,7 @@ pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> R
     let run = dispatch(problem, sharing, unknowns)?;
     let posterior = run.posterior.held_at_priors(may_hold);
     let tempering = run.scatter.tempering();
-    problem.adopt_misfit(run.scatter.misfit(), &posterior.z)?;
+    problem.adopt(run.scatter.misfit(), &posterior.z)?;
     let residuals = problem.residuals(&posterior.z)?;
     let std = posterior.std(tempering);
     let estimate = Estimate { identified: posterior.identified(&std), z: posterior.z, std, residuals, scale: 1.0, tempering };
