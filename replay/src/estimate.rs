@@ -24,7 +24,7 @@ pub fn estimate(recording: &Recording, robot: &Robot, args: &Args) -> Result<(Es
     let model = LinkModel::new(arm.clone());
     let filter = match args.filter {
         FilterKind::Paper => run(&PaperStates::new(model), &arm.kinematics, &motor, &tips),
-        FilterKind::Bias => run(&BiasStates::new(model, &motor, &tips), &arm.kinematics, &motor, &tips),
+        FilterKind::Bias => run(&BiasStates::tuned(arm.clone(), &motor, &tips), &arm.kinematics, &motor, &tips),
     };
     let estimates = Estimates {
         believed: transmission(&believed_arm, &motor),
