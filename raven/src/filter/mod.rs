@@ -1,6 +1,7 @@
 //! Square-root filters: the array unscented Kalman filter and the state equations that it runs on.
 
 mod array;
+pub mod consistency;
 mod run;
 mod smoother;
 mod srukf;
