@@ -21,6 +21,19 @@ pub fn median(values: &[f64]) -> Option<f64> {
     }
 }
 
+/// Quantiles at `parts` of the finite ones among `values`, interpolated between order statistics; `None` if there are none.
+#[must_use]
+pub fn quantiles<const N: usize>(values: &[f64], parts: [f64; N]) -> Option<[f64; N]> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    Some(parts.map(|part| {
+        let place = part.clamp(0.0, 1.0) * last as f64;
+        let below = place.floor() as usize;
+        sorted[below] + (sorted[(below + 1).min(last)] - sorted[below]) * place.fract()
+    }))
+}
+
 /// A t statistic with its degrees of freedom and two-sided P value.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct TTest {

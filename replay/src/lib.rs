@@ -1,7 +1,9 @@
 //! `raven-replay`: transmission kinematics, camera and filter side by side against the reference encoders.
 
+pub mod chain;
 pub mod errors;
 pub mod estimate;
+pub mod paper;
 mod report;
 pub mod tour;
 
@@ -61,6 +63,8 @@ pub struct Args {
 enum Command {
     /// Simulates a lab session and runs the whole chain on it; results are left in a folder.
     Tour(tour::Args),
+    /// Repeats the founding paper's experiments A to D on a simulated session; tables and figures are left in a folder.
+    Paper(paper::Args),
 }
 
 /// Which states the filter has.
@@ -93,8 +97,10 @@ fn share(text: &str) -> Result<f64, String> {
 /// # Errors
 /// If a file cannot be read or written, or the logs lack motor angles.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
-    if let Some(Command::Tour(tour)) = &args.command {
-        return tour::run(tour, out);
+    match &args.command {
+        Some(Command::Tour(tour)) => return tour::run(tour, out),
+        Some(Command::Paper(paper)) => return paper::run(paper, out),
+        None => {}
     }
     let started = Instant::now();
     let Some(robot_path) = &args.robot else { return Err(Error::Argument("--robot is needed.".to_owned())) };
