@@ -27,12 +27,8 @@ pub fn over_time(folder: &Path, robot: &Robot, recording: &Recording, estimates:
         let (unit, scale) = joint.display_unit();
         let values = |e: &Estimate| e.time_s.iter().zip(&e.joints).map(|(&t, q)| (t, q[j] * scale)).collect::<Vec<_>>();
         let truth = reference.time_s.iter().zip(&reference.position[j]).map(|(&t, &q)| (t, q * scale)).collect();
-        let panel = |y: &str, series| Panel {
-            title: joint.name.clone(),
-            x_label: "time [s]".to_owned(),
-            y_label: format!("{y} [{unit}]"),
-            series,
-        };
+        let panel =
+            |y: &str, series| Panel { title: joint.name.clone(), x_label: "time [s]".to_owned(), y_label: format!("{y} [{unit}]"), series };
         positions.push(panel(
             "position",
             vec![
@@ -86,14 +82,22 @@ pub fn trials(folder: &Path, robot: &Robot, trials: &[TrialErrors]) -> Result<()
 
 /// Figures 12 and 13: spread of the errors over occlusion.
 pub fn occlusion(folder: &Path, robot: &Robot, runs: &[Run]) -> Result<()> {
-    let plots: Vec<Boxes> = robot.joints.iter().enumerate().take(3).map(|(j, joint)| Boxes {
-        title: joint.name.clone(),
-        x_label: "marker hidden [%]".to_owned(),
-        y_label: format!("|error| [{}]", joint.display_unit().0),
-        groups: SHARES.iter().map(|share| format!("{:.0}", 100.0 * share)).collect(),
-        series: WAYS.iter().zip(runs.chunks(SHARES.len())).map(|((name, ..), runs)| {
-            ((*name).to_owned(), runs.iter().map(|run| run.spread[j]).collect())
-        }).collect(),
-    }).collect();
+    let plots: Vec<Boxes> = robot
+        .joints
+        .iter()
+        .enumerate()
+        .take(3)
+        .map(|(j, joint)| Boxes {
+            title: joint.name.clone(),
+            x_label: "marker hidden [%]".to_owned(),
+            y_label: format!("|error| [{}]", joint.display_unit().0),
+            groups: SHARES.iter().map(|share| format!("{:.0}", 100.0 * share)).collect(),
+            series: WAYS
+                .iter()
+                .zip(runs.chunks(SHARES.len()))
+                .map(|((name, ..), runs)| ((*name).to_owned(), runs.iter().map(|run| run.spread[j]).collect()))
+                .collect(),
+        })
+        .collect();
     files::write_atomic(&folder.join("figure-occlusion.svg"), plot::boxes(&plots)?.as_bytes())
 }

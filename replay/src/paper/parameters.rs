@@ -43,15 +43,15 @@ impl Parameters {
         chain.say("Experiment A: parameters from a sinusoid")?;
         chain.step("raven-identify", identify, &format!("{{sinusoid.mcap}} {files} --parameters {SINUSOID} -o {{a.yaml}}"))?;
         // The paper's recursive method with its traces, where this build of raven-identify has it.
-        let recursive = format!("{{sinusoid.mcap}} {files} --method dual --parameters r_l1 --plot {{figure-parameters.svg}} -o {{dual.yaml}}");
+        let recursive =
+            format!("{{sinusoid.mcap}} {files} --method dual --parameters r_l1 --plot {{figure-parameters.svg}} -o {{dual.yaml}}");
         if raven_identify::Args::try_parse_from(chain.typed("raven-identify", &recursive)).is_ok() {
             chain.step("raven-identify", identify, &recursive)?;
         }
         chain.say("Experiment B: cable parameters from a task motion")?;
         chain.step("raven-identify", identify, &format!("{{fls.mcap}} {files} --parameters {TASK} -o {{b.yaml}}"))?;
         let path = folder.join("truth.json");
-        let truth: Value =
-            serde_json::from_str(&files::read_text(&path)?).map_err(|e| Error::file(&path, format!("is no JSON: {e}.")))?;
+        let truth: Value = serde_json::from_str(&files::read_text(&path)?).map_err(|e| Error::file(&path, format!("is no JSON: {e}.")))?;
         let mut found = Vec::new();
         for (experiment, file) in [("A", "a.yaml"), ("B", "b.yaml")] {
             let robot = Robot::read(&folder.join(file))?;
