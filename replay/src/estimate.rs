@@ -83,11 +83,13 @@ fn camera(arm: &Arm, motor: &MotorTrack, tips: &[TipAt]) -> Estimate {
     estimate
 }
 
-/// Takes a share of the tips away in whole blocks, spread evenly by the golden ratio so that the same share hides the same blocks.
+/// Takes a share of the tips away in whole blocks, spread evenly by the golden ratio so that more hides what less does, and more.
+///
+/// The first block stays: where a filter starts is not what occlusion is about.
 fn hide(tips: &mut Vec<TipAt>, share: f64) -> Vec<TipAt> {
     let Some(start) = tips.first().map(|tip| tip.time_s) else { return Vec::new() };
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let seen = |tip: &TipAt| (((tip.time_s - start) / OCCLUSION_BLOCK_S).floor() * golden).fract() >= share;
+    let seen = |tip: &TipAt| (((tip.time_s - start) / OCCLUSION_BLOCK_S).floor() * golden).fract() < 1.0 - share;
     let (left, hidden) = std::mem::take(tips).into_iter().partition(seen);
     *tips = left;
     hidden

@@ -47,6 +47,9 @@ pub const KNOT_S: f64 = 5e-3;
 /// Chance that a good observation is refused by the gate.
 const GATE_REFUSES: f64 = 1e-6;
 
+/// False tips come alone or in twos. After so many refusals in a row it is the filter that errs, and the next tip is taken in.
+pub(super) const REFUSALS_MAX: usize = 3;
+
 /// A stretch of steady motor motion.
 #[derive(Debug, Clone, Copy)]
 struct Piece {
@@ -88,6 +91,8 @@ struct Stretch<'a, const N: usize, E> {
     kinematics: &'a Kinematics,
     filter: SquareRootUkf<N, 3>,
     gate: Option<f64>,
+    /// Tips refused since the last one that was accepted.
+    refusals: usize,
     /// Motion since the last estimate.
     pieces: Vec<Piece>,
     times: Vec<f64>,
@@ -103,6 +108,7 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
             kinematics,
             filter: SquareRootUkf::new(mean, factor),
             gate: chi_square_quantile(3, 1.0 - GATE_REFUSES),
+            refusals: 0,
             pieces: Vec::new(),
             times: vec![time_s],
             filtered: vec![Smoothed { mean, factor }],
@@ -155,7 +161,9 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
     fn observe(&mut self, tip: &TipAt, out: &mut FilterRun) {
         let Some(noise) = tip.covariance.cholesky() else { return };
         let (equation, kinematics) = (self.equation, self.kinematics);
-        let innovation = self.filter.update(&tip.position, |x| kinematics.forward(&equation.joints(x)), &noise.l(), self.gate);
+        let gate = self.gate.filter(|_| self.refusals < REFUSALS_MAX);
+        let innovation = self.filter.update(&tip.position, |x| kinematics.forward(&equation.joints(x)), &noise.l(), gate);
+        self.refusals = if innovation.accepted { 0 } else { self.refusals + 1 };
         out.innovations.push((tip.time_s, innovation));
         if let Some(last) = self.filtered.last_mut() {
             *last = Smoothed { mean: self.filter.mean, factor: self.filter.factor };

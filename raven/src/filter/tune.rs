@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::run::REFUSALS_MAX;
 use super::wander::travelled;
 use super::{TipAt, Wander};
 use crate::robot::{LinkModel, MotorTrack};
@@ -13,7 +14,7 @@ use crate::robot::{LinkModel, MotorTrack};
 /// floats.
 const WANDER_RANGE: [f64; 2] = [1e-6, 0.1];
 
-/// Innovations beyond this multiple of their deviation count as false tips and not as wander.
+/// Innovations whose normalised square is beyond this count as false tips and not as wander, as long as they do not come in a row.
 const OUTLIER_NIS: f64 = 30.0;
 
 struct Sample {
@@ -43,14 +44,22 @@ pub fn likeliest_wander(
     let [low, high] = WANDER_RANGE.map(f64::ln);
     let (middle, width) = (0.5 * (low + high), 0.5 * (high - low));
     let cost = |logs: &[f64; 6]| minus_log_likelihood(&samples, &wander(logs), initial);
-    // Either kind alone first: from the middle of both the search would settle on whatever mixture it meets.
-    let alone = [[0, 1, 2], [3, 4, 5]].map(|active| {
+    // Either kind alone, then the likelier kind for each joint, then mixtures: from the middle of all six the search would settle on
+    // whatever mixture it meets first.
+    let [with_time, with_travel] = [[0, 1, 2], [3, 4, 5]].map(|active| {
         let mut logs = [low; 6];
         active.iter().for_each(|&k| logs[k] = middle);
         search(logs, &active, width, &cost)
     });
-    let starts = alone.into_iter().map(|logs| search(logs, &[0, 1, 2, 3, 4, 5], 0.5 * width, &cost));
-    starts.min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|logs| wander(&logs))
+    let (mut best, other) = if cost(&with_time) < cost(&with_travel) { (with_time, with_travel) } else { (with_travel, with_time) };
+    for j in 0..3 {
+        let mut trial = best;
+        (trial[j], trial[3 + j]) = (other[j], other[3 + j]);
+        if cost(&trial) < cost(&best) {
+            best = trial;
+        }
+    }
+    Some(wander(&search(best, &[0, 1, 2, 3, 4, 5], 0.5 * width, &cost)))
 }
 
 fn wander(logs: &[f64; 6]) -> Wander {
@@ -98,7 +107,7 @@ fn samples(model: &LinkModel, motor: &MotorTrack, driving: &MotorTrack, tips: &[
 fn minus_log_likelihood(samples: &[Sample], wander: &Wander, initial: &Vector3<f64>) -> f64 {
     let start = Matrix3::from_diagonal(&initial.component_mul(initial));
     let (mut bias, mut covariance) = (Vector3::zeros(), start);
-    let (mut cost, mut last) = (0.0, None::<(f64, Vector3<f64>)>);
+    let (mut cost, mut last, mut refusals) = (0.0, None::<(f64, Vector3<f64>)>, 0);
     for sample in samples {
         if let Some((time_s, travelled)) = last.replace((sample.time_s, sample.travelled)) {
             covariance += Matrix3::from_diagonal(&wander.variance(sample.time_s - time_s, &(sample.travelled - travelled)));
@@ -107,8 +116,10 @@ fn minus_log_likelihood(samples: &[Sample], wander: &Wander, initial: &Vector3<f
         let spread = sample.slope * covariance * sample.slope.transpose() + sample.covariance;
         let Some(factor) = spread.cholesky() else { continue };
         let nis = innovation.dot(&factor.solve(&innovation));
-        cost += 2.0 * factor.l().diagonal().map(f64::ln).sum() + nis.min(OUTLIER_NIS);
-        if nis <= OUTLIER_NIS {
+        let accepted = nis <= OUTLIER_NIS || refusals >= REFUSALS_MAX;
+        refusals = if accepted { 0 } else { refusals + 1 };
+        cost += 2.0 * factor.l().diagonal().map(f64::ln).sum() + if accepted { nis } else { OUTLIER_NIS };
+        if accepted {
             let gain = covariance * sample.slope.transpose() * factor.inverse();
             bias += gain * innovation;
             let left = Matrix3::identity() - gain * sample.slope;

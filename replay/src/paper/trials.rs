@@ -171,3 +171,30 @@ impl Trials {
         lines.join("\n")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Haghighipanah et al. 2017, Table II, transmission kinematics and filter [deg, deg, mm]: means and the improvements printed.
+    ///
+    /// The first two follow from their means. The third does not: weighted by duration, Table I's own column gives 0.0798 and 71.78 %.
+    #[test]
+    fn improvements_of_the_papers_table_follow_from_its_means() {
+        let improvement = |before: f64, after: f64| 100.0 * (1.0 - after / before);
+        assert!((improvement(1.3051, 0.7419) - 43.15).abs() < 0.01);
+        assert!((improvement(2.4649, 1.6410) - 33.42).abs() < 0.01);
+        assert!((improvement(0.2828, 0.0798) - 71.78).abs() < 0.01);
+        assert!((improvement(0.2828, 0.0798) - 72.05).abs() > 0.2);
+    }
+
+    #[test]
+    fn weights_and_pooling_tell_long_trials_from_short_ones() {
+        let rms = [[4.0, 0.0, 0.0, 2.0, 0.0], [1.0, 0.0, 0.0, 1.0, 0.0]];
+        let summary = Summary::new("elbow".to_owned(), "deg", &[100.0, 300.0], &rms);
+        assert!((summary.weighted[BELIEVED] - 1.75).abs() < 1e-12 && (summary.weighted[FILTER] - 1.25).abs() < 1e-12);
+        assert!((summary.pooled[BELIEVED] - 4.75_f64.sqrt()).abs() < 1e-12);
+        assert!((summary.improvement_percent - 100.0 * (1.0 - 1.25 / 1.75)).abs() < 1e-9);
+        assert!(summary.paired.is_some() && summary.unpaired.is_some());
+    }
+}
