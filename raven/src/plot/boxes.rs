@@ -106,7 +106,7 @@ mod tests {
             groups: vec!["one".to_owned(), "two".to_owned()],
             series: vec![("kinematics".to_owned(), vec![spread, None]), ("filter".to_owned(), vec![spread, spread])],
         };
-        let svg = boxes(&[plot.clone()]).unwrap();
+        let svg = boxes(std::slice::from_ref(&plot)).unwrap();
         assert!(["one", "two", "kinematics", "filter"].iter().all(|text| svg.contains(text)), "{svg}");
         let empty = Boxes { series: vec![("none".to_owned(), vec![Spread::of(&[f64::NAN]), None])], ..plot };
         assert!(boxes(&[empty]).unwrap_err().to_string().contains("elbow"));
