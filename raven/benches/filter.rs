@@ -23,7 +23,7 @@ fn main() {
     let equation = PaperStates::new(LinkModel::new(arm));
     let (mean, factor) = equation.initial(&motor);
     let tip = kinematics.forward(&equation.joints(&mean));
-    let noise = equation.noise_factor(STEP_S);
+    let noise = equation.noise_factor(STEP_S, &rate.map(|r: f64| r.abs() * STEP_S));
     let seen = Matrix3::identity() * 1e-3;
     let mut filter = SquareRootUkf::<6, 3>::new(mean, factor);
 

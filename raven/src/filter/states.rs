@@ -3,18 +3,27 @@
 //! The motor angle is an input. With six states the stiff cables slave the joints to the motors and the camera is hardly used; a bias
 //! that may wander lets the filter doubt the transmission, and the camera then says by how much.
 
+use std::borrow::Cow;
+
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{TipAt, likeliest_wander};
-use crate::robot::{LinkModel, LinkState, MotorTrack};
+use super::stiction::{behind_play, play_half_rad, without_coulomb_friction};
+use super::wander::travel;
+use super::{TipAt, Wander, likeliest_wander};
+use crate::robot::{Arm, LinkModel, LinkState, MotorTrack};
 
 /// A state equation with `N` states driven by motor angles.
 pub trait StateEquation<const N: usize> {
     /// State after `step_s`, the motors moving steadily from `motor` [rad] at `motor_rate` [rad/s].
     fn transition(&self, state: &SVector<f64, N>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, N>;
 
-    /// Factor of the process noise that gathers in `step_s`.
-    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, N, N>;
+    /// Factor of the process noise that gathers in `step_s` while the motors turn by `turned` [rad], to and fro all counted.
+    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, N, N>;
+
+    /// Motor angles that drive [`Self::transition`], sample by sample those of `motor`.
+    fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        Cow::Borrowed(motor)
+    }
 
     /// State at rest, as the motors and the cables have it, and the factor of what is not known of it.
     fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, N>, SMatrix<f64, N, N>);
@@ -52,7 +61,7 @@ impl StateEquation<6> for PaperStates {
         next
     }
 
-    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, 6, 6> {
+    fn noise_factor(&self, step_s: f64, _turned: &Vector3<f64>) -> SMatrix<f64, 6, 6> {
         let mut factor = SMatrix::zeros();
         for j in 0..3 {
             // Velocity noise of spectral density q^2, integrated: the Cholesky factor of q^2 [T^3/3 T^2/2; T^2/2 T].
@@ -74,24 +83,40 @@ impl StateEquation<6> for PaperStates {
 }
 
 /// `x: 9x1`, the paper's six and a transmission bias per joint [rad, rad, m]: the joint sits where the cables would hold it, plus bias.
+///
+/// Coulomb friction is not in the equations of motion but in the play through which the motors drive them.
 #[derive(Debug, Clone)]
 pub struct BiasStates {
-    /// The six.
+    /// The six, without Coulomb friction.
     pub paper: PaperStates,
-    /// How fast the bias may wander [rad, rad, m per sqrt(s)].
-    pub bias_noise: Vector3<f64>,
+    /// Half the play of each cable, as motor angles [rad].
+    pub play_half_rad: Vector3<f64>,
+    /// How the bias may wander.
+    pub wander: Wander,
     /// What the bias may be at the start [rad, rad, m].
     pub bias_initial: Vector3<f64>,
 }
 
+/// Size of bias that such transmissions show: 1 deg, 2 mm.
+const BIAS_INITIAL: [f64; 3] = [0.02, 0.02, 2e-3];
+
 impl BiasStates {
-    /// With a bias of the size that such transmissions show (1 deg, 2 mm), wandering as fast as the log's own tips say it does; where
-    /// they are too few to say, by as much again over some ten seconds.
+    /// With a bias that wanders as `wander` says.
     #[must_use]
-    pub fn new(model: LinkModel, motor: &MotorTrack, tips: &[TipAt]) -> Self {
-        let bias_initial = Vector3::new(0.02, 0.02, 2e-3);
-        let wander = likeliest_wander(&model, motor, tips, &bias_initial);
-        Self { paper: PaperStates::new(model), bias_noise: wander.unwrap_or_else(|| bias_initial / 10.0_f64.sqrt()), bias_initial }
+    pub fn new(arm: Arm, wander: Wander) -> Self {
+        let play_half_rad = play_half_rad(&arm);
+        let model = LinkModel::new(without_coulomb_friction(arm));
+        Self { paper: PaperStates::new(model), play_half_rad, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
+    }
+
+    /// With a bias that wanders as the log's own tips say it does; where they are too few to say, by as much as it may be at the start
+    /// over some ten seconds.
+    #[must_use]
+    pub fn tuned(arm: Arm, motor: &MotorTrack, tips: &[TipAt]) -> Self {
+        let untuned = Self::new(arm, Wander::over_time(Vector3::from(BIAS_INITIAL) / 10.0_f64.sqrt()));
+        let driving = behind_play(motor, &untuned.play_half_rad);
+        let wander = likeliest_wander(&untuned.paper.model, motor, &driving, tips, &untuned.bias_initial);
+        Self { wander: wander.unwrap_or(untuned.wander), ..untuned }
     }
 }
 
@@ -107,12 +132,17 @@ impl StateEquation<9> for BiasStates {
         next
     }
 
-    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, 9, 9> {
+    fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        Cow::Owned(behind_play(motor, &self.play_half_rad))
+    }
+
+    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, 9, 9> {
         let mut factor = SMatrix::<f64, 9, 9>::zeros();
-        factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.paper.noise_factor(step_s));
+        factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.paper.noise_factor(step_s, turned));
+        let variance = self.wander.variance(step_s, &travel(&self.paper.model.arm().transmission, turned));
         for j in 0..3 {
             // A bias that moves carries the joint with it.
-            let wander = self.bias_noise[j] * step_s.sqrt();
+            let wander = variance[j].sqrt();
             factor[(6 + j, 6 + j)] = wander;
             factor[(j, 6 + j)] = wander;
         }

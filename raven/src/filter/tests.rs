@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::robot::{LinkModel, MotorTrack, nominal};
+use crate::robot::{LinkModel, nominal};
 
 /// Two coupled masses of which only the first position is seen; the noise enters all states together.
 fn two_masses() -> (Matrix4<f64>, Matrix4<f64>, SMatrix<f64, 1, 4>) {
@@ -161,10 +161,11 @@ fn refuses_what_is_not_finite_or_beyond_the_gate() {
 }
 
 #[test]
-fn noise_of_the_state_equations_adds_up_over_time() {
-    let states = BiasStates::new(LinkModel::new(nominal::gold().arm().unwrap()), &MotorTrack::default(), &[]);
+fn noise_of_the_state_equations_adds_up_over_time_and_travel() {
+    let wander = Wander { with_time: Vector3::new(1e-3, 2e-3, 1e-4), with_travel: Vector3::new(2e-3, 1e-3, 2e-4) };
+    let states = BiasStates::new(nominal::gold().arm().unwrap(), wander);
     let q = |t: f64| {
-        let factor = states.noise_factor(t);
+        let factor = states.noise_factor(t, &Vector3::new(30.0 * t, 20.0 * t, 50.0 * t));
         factor * factor.transpose()
     };
     // Velocity and bias noise over two steps: carried by the kinematics x += v t.
