@@ -51,6 +51,12 @@ impl Motion {
         MotorTrack { time_s: time_s[first..end].to_vec(), angle: angle[first..end].to_vec() }
     }
 
+    /// The same times and gaps with other angles.
+    #[must_use]
+    pub fn with_track(&self, track: MotorTrack) -> Self {
+        Self { track, ..self.clone() }
+    }
+
     /// How many gaps there are.
     #[must_use]
     pub fn gaps(&self) -> usize {

@@ -20,6 +20,8 @@ pub enum Quantity {
     Damping(usize),
     /// `F_c1`: Coulomb friction of the joint [N m or N].
     Coulomb(usize),
+    /// `hysteresis_1`: half the loop of the cable's hysteresis, at the joint [rad or m].
+    Hysteresis(usize),
     /// `latency`: by how much an image shows the past of its stamp [s].
     Latency,
     /// `rotation_x`: what the registration's rotation lacks, about an axis of frame 0 [rad].
@@ -29,8 +31,8 @@ pub enum Quantity {
 }
 
 /// Every quantity, in the order in which results list them.
-pub const ALL: [Quantity; 25] = {
-    use Quantity::{Coulomb, Coupling, Damping, HardStop, Latency, PulleyRadius, Rotation, Stiffness, Translation};
+pub const ALL: [Quantity; 28] = {
+    use Quantity::{Coulomb, Coupling, Damping, HardStop, Hysteresis, Latency, PulleyRadius, Rotation, Stiffness, Translation};
     [
         PulleyRadius(0),
         PulleyRadius(1),
@@ -50,6 +52,9 @@ pub const ALL: [Quantity; 25] = {
         Coulomb(0),
         Coulomb(1),
         Coulomb(2),
+        Hysteresis(0),
+        Hysteresis(1),
+        Hysteresis(2),
         Latency,
         Rotation(0),
         Rotation(1),
@@ -73,6 +78,7 @@ impl Quantity {
             Self::Stiffness(j) => format!("k_e{}", j + 1),
             Self::Damping(j) => format!("b_e{}", j + 1),
             Self::Coulomb(j) => format!("F_c{}", j + 1),
+            Self::Hysteresis(j) => format!("hysteresis_{}", j + 1),
             Self::Latency => "latency".to_owned(),
             Self::Rotation(axis) => format!("rotation_{}", AXES[axis]),
             Self::Translation(axis) => format!("translation_{}", AXES[axis]),
@@ -88,6 +94,7 @@ impl Quantity {
             Self::Stiffness(_) => "k_e",
             Self::Damping(_) => "b_e",
             Self::Coulomb(_) => "F_c",
+            Self::Hysteresis(_) => "hysteresis",
             Self::Latency => "latency",
             Self::Rotation(_) | Self::Translation(_) => "registration",
         }
@@ -110,6 +117,7 @@ impl Quantity {
             Self::Stiffness(j) => format!("joints.{}.cable.stiffness", joint(j)),
             Self::Damping(j) => format!("joints.{}.cable.damping", joint(j)),
             Self::Coulomb(j) => format!("joints.{}.link_friction.coulomb", joint(j)),
+            Self::Hysteresis(j) => format!("joints.{}.hysteresis_half_loop", joint(j)),
             Self::Latency => "observation.latency".to_owned(),
             Self::Rotation(axis) => format!("observation.rotation.{axis}"),
             Self::Translation(axis) => format!("observation.translation.{axis}"),
@@ -121,7 +129,9 @@ impl Quantity {
     pub fn joint(self, robot: &Robot) -> Option<String> {
         let name = |j: usize| robot.joints.get(j).map(|joint| joint.name.clone());
         match self {
-            Self::PulleyRadius(j) | Self::HardStop(j) | Self::Stiffness(j) | Self::Damping(j) | Self::Coulomb(j) => name(j),
+            Self::PulleyRadius(j) | Self::HardStop(j) | Self::Stiffness(j) | Self::Damping(j) | Self::Coulomb(j) | Self::Hysteresis(j) => {
+                name(j)
+            }
             Self::Coupling(from, to) => Some(format!("{}->{}", name(from)?, name(to)?)),
             Self::Latency | Self::Rotation(_) | Self::Translation(_) => None,
         }
@@ -139,7 +149,7 @@ impl Quantity {
                     "m"
                 }
             }
-            Self::HardStop(j) => {
+            Self::HardStop(j) | Self::Hysteresis(j) => {
                 if prismatic(j) {
                     "m"
                 } else {
@@ -217,7 +227,7 @@ impl Default for Selection {
 }
 
 impl Selection {
-    /// From names and shorthands (`r_l`, `offset`, `coupling`, `k_e`, `b_e`, `F_c`, `registration`, `all`).
+    /// From names and shorthands (`r_l`, `offset`, `coupling`, `k_e`, `b_e`, `F_c`, `hysteresis`, `registration`, `all`).
     ///
     /// # Errors
     /// If a name is unknown; the message lists those there are.
@@ -226,7 +236,7 @@ impl Selection {
             if name != "all" && !ALL.iter().any(|q| q.name() == *name || q.group() == name) {
                 let known: Vec<String> = ALL.iter().map(|q| q.name()).collect();
                 return Err(Error::Argument(format!(
-                    "--parameters has `{name}`; known are {}, the groups r_l, offset, coupling, k_e, b_e, F_c, registration, and all.",
+                    "--parameters has `{name}`; known are {}, the groups r_l, offset, coupling, k_e, b_e, F_c, hysteresis, registration, and all.",
                     known.join(", ")
                 )));
             }

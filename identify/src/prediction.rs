@@ -3,14 +3,15 @@
 //! A tip stamped `t` is where the robot had it at `t - latency`. There the joints rest where the cables hold them,
 //!
 //! ```text
-//! q = q_rigid(q_m) - (1 + C)^-1 x / r_l,   gamma(x) = (1 + C)'^-1 (G(q) + F_c tanh(qd / v_s)) / r_l
+//! q = q_rigid(w) - (1 + C)^-1 x / r_l,   gamma(x) = (1 + C)'^-1 (G(q) + F_c tanh(qd / v_s)) / r_l
 //! ```
 //!
-//! with the motors' direction of motion for the friction's. At reversals friction holds a joint back while its cable winds up, and inertia
-//! and damping move it too: 1e-4 rad rms and 6 um on motions of 0.8 rad/s. The [`lag`](Predictor::lag) of a rollout behind that rest is
-//! added. The prediction is then
-//! moved as the registration is off, so that it meets the sighting, and the sighting's covariance, in the frame in which they were
-//! recorded.
+//! with `w` the motors' motion behind the [hysteresis](raven::robot::Arm::driving) of each cable, and its direction for the friction's. At
+//! reversals friction holds a joint back while its cable winds up, and inertia and damping move it too: 1e-4 rad rms and 6 um on motions
+//! of 0.8 rad/s. The [`lag`](Predictor::lag) of a rollout behind that rest is added. The prediction is then moved as the registration is
+//! off, so that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
+
+use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 use raven::Result;
@@ -42,44 +43,52 @@ impl Predictor {
         Ok(Self { correction: TipCorrection::new(&arm, &robot.observation), model: LinkModel::new(arm) })
     }
 
+    /// The motors' motion as the cables have it; what all predictions are made of.
+    #[must_use]
+    pub fn driving<'a>(&self, motors: &'a Motion) -> Cow<'a, Motion> {
+        match self.model.arm().driving(motors.track()) {
+            Cow::Borrowed(_) => Cow::Borrowed(motors),
+            Cow::Owned(track) => Cow::Owned(motors.with_track(track)),
+        }
+    }
+
     /// Joint positions [rad, rad, m] at a time of the robot, at rest.
     #[must_use]
-    pub fn joints(&self, motion: &Motion, time_s: f64) -> Vector3<f64> {
-        let transmission = &self.model.arm().transmission;
-        let rate = transmission.joint_rate_from_motor(&motion.rate_rad_s(time_s));
+    pub fn joints(&self, driving: &Motion, time_s: f64) -> Vector3<f64> {
+        let rate = self.model.arm().transmission.joint_rate_from_motor(&driving.rate_rad_s(time_s));
         let direction = Vector3::from_fn(|j, _| (rate[j] / STICTION_SPEED[j]).tanh());
-        self.model.settled(&motion.angle_rad(time_s), &direction)
+        self.model.settled(&driving.angle_rad(time_s), &direction)
     }
 
     /// Where the tip with stamp `time_s` should have been seen [m], the joints at rest.
     #[must_use]
-    pub fn seen_m(&self, motion: &Motion, time_s: f64) -> Vector3<f64> {
-        self.seen_lagging_m(motion, time_s, &Vector3::zeros())
+    pub fn seen_m(&self, driving: &Motion, time_s: f64) -> Vector3<f64> {
+        self.seen_lagging_m(driving, time_s, &Vector3::zeros())
     }
 
     /// Where the tip with stamp `time_s` should have been seen [m], the joints at `lag` [rad, rad, m] from rest.
     #[must_use]
-    pub fn seen_lagging_m(&self, motion: &Motion, time_s: f64, lag: &Vector3<f64>) -> Vector3<f64> {
-        let joints = self.joints(motion, time_s - self.correction.latency_s()) + lag;
+    pub fn seen_lagging_m(&self, driving: &Motion, time_s: f64, lag: &Vector3<f64>) -> Vector3<f64> {
+        let joints = self.joints(driving, time_s - self.correction.latency_s()) + lag;
         self.correction.seen_m(&self.model.arm().kinematics.forward(&joints))
     }
 
     /// How that moves with the joints, 3x3 [m/rad, m/rad, 1].
     #[must_use]
-    pub fn seen_from_joints(&self, motion: &Motion, time_s: f64) -> Matrix3<f64> {
-        let joints = self.joints(motion, time_s - self.correction.latency_s());
+    pub fn seen_from_joints(&self, driving: &Motion, time_s: f64) -> Matrix3<f64> {
+        let joints = self.joints(driving, time_s - self.correction.latency_s());
         self.correction.seen_from_true() * self.model.arm().kinematics.jacobian(&joints)
     }
 
     /// How far from rest inertia and damping keep the joints [rad, rad, m] at the stamps `times_s` (sorted), by rollouts. Nothing where
     /// the motion is not known.
     #[must_use]
-    pub fn lag(&self, motion: &Motion, times_s: &[f64]) -> Vec<Vector3<f64>> {
+    pub fn lag(&self, driving: &Motion, times_s: &[f64]) -> Vec<Vector3<f64>> {
         let of_robot: Vec<f64> = times_s.iter().map(|t| t - self.correction.latency_s()).collect();
         let of_part = |times_s: &[f64]| {
-            let track = motion.part(times_s[0] - WARM_UP_S, times_s[times_s.len() - 1]);
+            let track = driving.part(times_s[0] - WARM_UP_S, times_s[times_s.len() - 1]);
             let lag = |(state, &time_s): (Option<LinkState>, &f64)| {
-                state.map_or_else(Vector3::zeros, |state| state.position - self.joints(motion, time_s))
+                state.map_or_else(Vector3::zeros, |state| state.position - self.joints(driving, time_s))
             };
             self.model.rollout(&track, times_s).into_iter().zip(times_s).map(lag).collect::<Vec<_>>()
         };
@@ -106,7 +115,7 @@ mod tests {
         let robot = nominal::gold();
         let predictor = Predictor::new(&robot).unwrap();
         let times_s: Vec<f64> = (0..40).map(|i| 1.0 + f64::from(i) / 20.0).collect();
-        let lag = predictor.lag(&swing(), &times_s);
+        let lag = predictor.lag(&predictor.driving(&swing()), &times_s);
         // Inertia swings a spring of 558 N m/rad by m w^2 a / k, a spring that gives way by as much more.
         let arm = robot.arm().unwrap();
         let inertia = arm.dynamics.mass_matrix(&Vector3::new(0.8, 1.6, 0.33))[(1, 1)];

@@ -23,6 +23,9 @@ const HARD_STOP_M: f64 = 0.01;
 /// Spread of a coupling that is looked for, per radian of the joint that moves: the size of the errors seen on such hardware.
 const COUPLING_RAD: f64 = 0.05;
 const COUPLING_M: f64 = 0.01;
+/// Spread of half a hysteresis loop, 0.5 deg and 1 mm.
+const HYSTERESIS_RAD: f64 = 0.008_726_646_259_971_648;
+const HYSTERESIS_M: f64 = 1e-3;
 /// Spread of the latency [s]: webcams are 5 to 150 ms late.
 const LATENCY_S: f64 = 0.1;
 /// Spread of a registration whose quality is not written down, 1 deg and 5 mm.
@@ -118,6 +121,7 @@ fn spread(quantity: Quantity, robot: &Robot, named: bool, quality: &Quality) -> 
         Quantity::HardStop(j) => tolerances.hard_stop_of(kind(j)),
         Quantity::Coupling(_, to) => by_kind(to, COUPLING_RAD, COUPLING_M),
         Quantity::Stiffness(_) | Quantity::Damping(_) | Quantity::Coulomb(_) => FACTOR,
+        Quantity::Hysteresis(j) => by_kind(j, HYSTERESIS_RAD, HYSTERESIS_M),
         Quantity::Latency => LATENCY_S,
         Quantity::Rotation(axis) => {
             quality.registration_rotation_std_rad.map_or(REGISTRATION_RAD, |std| std[axis]).max(tolerances.camera_rotation_rad)

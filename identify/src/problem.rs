@@ -24,6 +24,7 @@ use rayon::prelude::*;
 
 use crate::batch::{self, Estimate, Jacobian, Residuals, central_difference, forward_difference};
 use crate::misfit::{self, Residual};
+use crate::motion::Motion;
 use crate::parameters::Quantity;
 use crate::prediction::Predictor;
 use crate::priors::Unknown;
@@ -132,6 +133,14 @@ impl<'a> Problem<'a> {
         self.sessions
     }
 
+    /// A recording's motors behind the hysteresis that the robot file has.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn driving(&self, session: &Session) -> Result<Motion> {
+        Ok(Predictor::new(&self.anchored)?.driving(&session.motion).into_owned())
+    }
+
     /// Keeps `z` where hardware can be, see [`Unknown::bounded`].
     pub fn bound(&self, z: &mut [f64]) {
         self.unknowns.iter().zip(z).for_each(|(unknown, z)| *z = unknown.bounded(*z));
@@ -229,18 +238,22 @@ impl<'a> Problem<'a> {
     fn rollout(&self, predictor: &Predictor) -> Vec<Vector3<f64>> {
         let of_session = |session: &Session| {
             let times_s: Vec<f64> = session.sightings.iter().map(|s| s.time_s).collect();
-            predictor.lag(&session.motion, &times_s)
+            predictor.lag(&predictor.driving(&session.motion), &times_s)
         };
         self.sessions.iter().flat_map(of_session).collect()
     }
 
     /// Prediction less sighting [m].
     fn errors(&self, predictor: &Predictor, lag: &Lag) -> Vec<Vector3<f64>> {
-        let error = |(i, (session, sighting)): (usize, (&Session, &Sighting))| {
-            let lag = lag.as_ref().map_or_else(Vector3::zeros, |lag| lag[i]);
-            predictor.seen_lagging_m(&session.motion, sighting.time_s, &lag) - sighting.position_m
-        };
-        self.sightings().enumerate().map(error).collect()
+        let mut errors = Vec::with_capacity(self.whiten.len());
+        for session in self.sessions {
+            let driving = predictor.driving(&session.motion);
+            for sighting in &session.sightings {
+                let lag = lag.as_ref().map_or_else(Vector3::zeros, |lag| lag[errors.len()]);
+                errors.push(predictor.seen_lagging_m(&driving, sighting.time_s, &lag) - sighting.position_m);
+            }
+        }
+        errors
     }
 
     fn derivatives(&self, z: &DVector<f64>, columns: &[usize], whiten: &[Matrix3<f64>]) -> Result<Jacobian> {

@@ -27,14 +27,15 @@ fn session(truth: &Robot, random: &mut ChaCha8Rng) -> Session {
     let segment = Candidate::Multisine([0.5; 3]).segment(DURATION_S, &arm.limits, &speed_max(&nominal::gold()));
     let motion = Motion::new(motors(&arm.transmission, DURATION_S, |t| segment.at(t)), 0.02).unwrap();
     let predictor = Predictor::new(truth).unwrap();
+    let driving = predictor.driving(&motion);
     let times: Vec<f64> = (0..((DURATION_S - 0.4) * CAMERA_HZ) as usize).map(|i| 0.2 + i as f64 / CAMERA_HZ).collect();
     let std_m = Vector3::new(1e-4, 1.5e-3, 1e-4);
     let covariance = Matrix3::from_diagonal(&std_m.component_mul(&std_m));
     let mut see = |(&t, lag): (&f64, &Vector3<f64>)| {
         let noise = Vector3::from_fn(|j, _| std_m[j] * Distribution::<f64>::sample(&StandardNormal, random));
-        Sighting::new(t, predictor.seen_lagging_m(&motion, t, lag) + noise, &covariance).unwrap()
+        Sighting::new(t, predictor.seen_lagging_m(&driving, t, lag) + noise, &covariance).unwrap()
     };
-    let sightings = times.iter().zip(&predictor.lag(&motion, &times)).map(&mut see).collect();
+    let sightings = times.iter().zip(&predictor.lag(&driving, &times)).map(&mut see).collect();
     Session { name: "simulated.mcap".to_owned(), sha256: "00".to_owned(), motion, sightings }
 }
 

@@ -61,7 +61,9 @@ impl Script {
         for (&t, angle) in time_s.iter().zip(&angle).filter(|(t, _)| (self.robot)(**t)) {
             log.joint_states(topics::MOTOR_JOINT_STATES, START.plus_seconds(t), &NAMES, angle.as_slice(), None).unwrap();
         }
-        let (predictor, motion) = (Predictor::new(&truth).unwrap(), Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap());
+        let predictor = Predictor::new(&truth).unwrap();
+        let motion = Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap();
+        let driving = predictor.driving(&motion);
         let mut random = ChaCha8Rng::seed_from_u64(7);
         for i in 0..(self.duration_s * 15.0) as usize {
             let t = (i as f64 + 0.5) / 15.0;
@@ -72,7 +74,7 @@ impl Script {
                 status: TipStatus::Seen,
                 left_px: [f64::NAN; 2],
                 right_px: [f64::NAN; 2],
-                position_m: predictor.seen_m(&motion, t) + noise,
+                position_m: predictor.seen_m(&driving, t) + noise,
                 covariance_m2: Matrix3::identity() * 4e-8,
             };
             (self.tip)(t, &mut tip);

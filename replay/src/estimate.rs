@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 use raven::Result;
-use raven::filter::{BiasStates, FilterRun, JointTrack, PaperStates, TipAt, Wander, run};
+use raven::filter::{BiasStates, FilterRun, Friction, JointTrack, PaperStates, TipAt, Wander, run};
 use raven::log::Recording;
 use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 
@@ -21,8 +21,8 @@ pub struct Settings {
     pub occlude: f64,
     /// What it makes of that.
     pub occlusion: Occlusion,
-    /// How the bias wanders; by default as the log's own tips say.
-    pub wander: Option<Wander>,
+    /// How friction holds and the bias wanders; by default as the log's own tips say.
+    pub tuning: Option<(Friction, Wander)>,
 }
 
 /// All estimates of one log, and the filter's own account.
@@ -43,9 +43,9 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
     let filter = match settings.filter {
         FilterKind::Paper => run(&PaperStates::new(LinkModel::new(arm.clone())), &arm.kinematics, &motor, &offered),
         FilterKind::Bias => {
-            let states = match settings.wander {
-                Some(wander) => BiasStates::new(arm.clone(), wander),
-                None => BiasStates::tuned(arm.clone(), &motor, &tips),
+            let states = match settings.tuning {
+                Some((friction, wander)) => BiasStates::new(arm.clone(), friction, wander),
+                None => BiasStates::tuned(&arm, &motor, &tips),
             };
             run(&states, &arm.kinematics, &motor, &offered)
         }

@@ -112,7 +112,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     if args.output.is_some() && args.logs.len() > 1 {
         return Err(Error::Argument("-o takes the estimates of one log; give one log or leave -o away.".to_owned()));
     }
-    let settings = Settings { filter: args.filter, occlude: args.occlude, occlusion: args.occlusion, wander: None };
+    let settings = Settings { filter: args.filter, occlude: args.occlude, occlusion: args.occlusion, tuning: None };
     let bar = cli::progress(args.logs.len() as u64, "replaying");
     let mut errors: [Vec<JointErrors>; 3] = Default::default();
     let mut summaries = Vec::new();

@@ -60,8 +60,9 @@ fn measured(robot: &Robot, motion: &Motion, sensor: Sensor) -> Result<Vec<Vector
     Ok(match sensor {
         Sensor::Camera(rate_hz) => {
             let (predictor, times) = (Predictor::new(robot)?, times(rate_hz));
-            let lag = predictor.lag(motion, &times);
-            let seen = |(&t, lag): (&f64, &Vector3<f64>)| predictor.seen_lagging_m(motion, t, lag).component_div(&CAMERA_M);
+            let driving = predictor.driving(motion);
+            let lag = predictor.lag(&driving, &times);
+            let seen = |(&t, lag): (&f64, &Vector3<f64>)| predictor.seen_lagging_m(&driving, t, lag).component_div(&CAMERA_M);
             times.iter().zip(&lag).map(seen).collect()
         }
         Sensor::JointEncoders(rate_hz) => {
@@ -69,9 +70,9 @@ fn measured(robot: &Robot, motion: &Motion, sensor: Sensor) -> Result<Vec<Vector
             let mut blind = robot.clone();
             blind.observation = Observation::default();
             let predictor = Predictor::new(&blind)?;
-            let times = times(rate_hz);
-            let lag = predictor.lag(motion, &times);
-            times.iter().zip(&lag).map(|(&t, lag)| (predictor.joints(motion, t) + lag).component_div(&ENCODER)).collect()
+            let (times, driving) = (times(rate_hz), predictor.driving(motion));
+            let lag = predictor.lag(&driving, &times);
+            times.iter().zip(&lag).map(|(&t, lag)| (predictor.joints(&driving, t) + lag).component_div(&ENCODER)).collect()
         }
     })
 }

@@ -6,14 +6,13 @@ mod run;
 mod smoother;
 mod srukf;
 mod states;
-pub mod stiction;
 mod tune;
 mod wander;
 
 pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
 pub use smoother::{Smoothed, smooth};
 pub use srukf::{Innovation, SmootherStep, SquareRootUkf};
-pub use states::{BiasStates, PaperStates, StateEquation};
+pub use states::{BiasStates, Friction, PaperStates, StateEquation};
 pub use tune::likeliest_wander;
 pub use wander::{Wander, travel};
 

@@ -7,9 +7,9 @@ use std::borrow::Cow;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::stiction::{behind_play, play_half_rad, without_coulomb_friction};
 use super::wander::travel;
 use super::{TipAt, Wander, likeliest_wander};
+use crate::robot::stiction::{behind_play, play_half_rad, without_coulomb_friction};
 use crate::robot::{Arm, LinkModel, LinkState, MotorTrack};
 
 /// A state equation with `N` states driven by motor angles.
@@ -80,21 +80,34 @@ impl StateEquation<6> for PaperStates {
         let deviations = SVector::<f64, 6>::from([2e-3, 2e-3, 5e-4, 0.02, 0.02, 0.005]);
         (mean, SMatrix::from_diagonal(&deviations))
     }
+
+    fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        self.model.arm().driving(motor)
+    }
 }
 
 /// `x: 9x1`, the paper's six and a transmission bias per joint [rad, rad, m]: the joint sits where the cables would hold it, plus bias.
-///
-/// Coulomb friction is not in the equations of motion but in the play through which the motors drive them.
 #[derive(Debug, Clone)]
 pub struct BiasStates {
-    /// The six, without Coulomb friction.
+    /// The six, without Coulomb friction where it is play.
     pub paper: PaperStates,
-    /// Half the play of each cable, as motor angles [rad].
+    /// How friction holds.
+    pub friction: Friction,
+    /// Half the play that friction makes of each cable, as motor angles [rad]; none where friction is in the equations of motion.
     pub play_half_rad: Vector3<f64>,
     /// How the bias may wander.
     pub wander: Wander,
     /// What the bias may be at the start [rad, rad, m].
     pub bias_initial: Vector3<f64>,
+}
+
+/// How Coulomb friction holds a joint whose motor stands still.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Friction {
+    /// It gives way slowly, as friction that fades at low speed does.
+    Creeping,
+    /// It holds: with the cable's elasticity it makes play.
+    Holding,
 }
 
 /// Size of bias that such transmissions show: 1 deg, 2 mm.
@@ -103,20 +116,26 @@ const BIAS_INITIAL: [f64; 3] = [0.02, 0.02, 2e-3];
 impl BiasStates {
     /// With a bias that wanders as `wander` says.
     #[must_use]
-    pub fn new(arm: Arm, wander: Wander) -> Self {
-        let play_half_rad = play_half_rad(&arm);
-        let model = LinkModel::new(without_coulomb_friction(arm));
-        Self { paper: PaperStates::new(model), play_half_rad, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
+    pub fn new(arm: Arm, friction: Friction, wander: Wander) -> Self {
+        let (play_half_rad, arm) = match friction {
+            Friction::Creeping => (Vector3::zeros(), arm),
+            Friction::Holding => (play_half_rad(&arm), without_coulomb_friction(arm)),
+        };
+        Self { paper: PaperStates::new(LinkModel::new(arm)), friction, play_half_rad, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
     }
 
-    /// With a bias that wanders as the log's own tips say it does; where they are too few to say, by as much as it may be at the start
-    /// over some ten seconds.
+    /// With the friction and the wander under which the log's own tips are likeliest; where they are too few to say, with friction that
+    /// holds and a bias that wanders by as much as it may be at the start over some ten seconds.
     #[must_use]
-    pub fn tuned(arm: Arm, motor: &MotorTrack, tips: &[TipAt]) -> Self {
-        let untuned = Self::new(arm, Wander::over_time(Vector3::from(BIAS_INITIAL) / 10.0_f64.sqrt()));
-        let driving = behind_play(motor, &untuned.play_half_rad);
-        let wander = likeliest_wander(&untuned.paper.model, motor, &driving, tips, &untuned.bias_initial);
-        Self { wander: wander.unwrap_or(untuned.wander), ..untuned }
+    pub fn tuned(arm: &Arm, motor: &MotorTrack, tips: &[TipAt]) -> Self {
+        let untuned = Wander::over_time(Vector3::from(BIAS_INITIAL) / 10.0_f64.sqrt());
+        let of_friction = |friction| {
+            let states = Self::new(arm.clone(), friction, untuned);
+            let (wander, unlikeliness) = likeliest_wander(&states.paper.model, motor, &states.driving(motor), tips, &states.bias_initial)?;
+            Some((unlikeliness, Self { wander, ..states }))
+        };
+        let likelier = [Friction::Holding, Friction::Creeping].into_iter().filter_map(of_friction).min_by(|a, b| a.0.total_cmp(&b.0));
+        likelier.map_or_else(|| Self::new(arm.clone(), Friction::Holding, untuned), |(_, states)| states)
     }
 }
 
@@ -133,7 +152,8 @@ impl StateEquation<9> for BiasStates {
     }
 
     fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        Cow::Owned(behind_play(motor, &self.play_half_rad))
+        let wound = self.paper.driving(motor);
+        if self.play_half_rad == Vector3::zeros() { wound } else { Cow::Owned(behind_play(&wound, &self.play_half_rad)) }
     }
 
     fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, 9, 9> {

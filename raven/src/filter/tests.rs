@@ -163,7 +163,7 @@ fn refuses_what_is_not_finite_or_beyond_the_gate() {
 #[test]
 fn noise_of_the_state_equations_adds_up_over_time_and_travel() {
     let wander = Wander { with_time: Vector3::new(1e-3, 2e-3, 1e-4), with_travel: Vector3::new(2e-3, 1e-3, 2e-4) };
-    let states = BiasStates::new(nominal::gold().arm().unwrap(), wander);
+    let states = BiasStates::new(nominal::gold().arm().unwrap(), Friction::Holding, wander);
     let q = |t: f64| {
         let factor = states.noise_factor(t, &Vector3::new(30.0 * t, 20.0 * t, 50.0 * t));
         factor * factor.transpose()

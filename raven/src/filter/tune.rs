@@ -26,7 +26,8 @@ struct Sample {
     covariance: Matrix3<f64>,
 }
 
-/// The most likely wander of each joint's bias, given what the bias may be at the start (one sigma) [rad, rad, m].
+/// The most likely wander of each joint's bias, given what the bias may be at the start (one sigma) [rad, rad, m], and the negative logarithm
+/// of its likelihood up to a constant of the tips.
 ///
 /// `motor` is what the encoders read, `driving` what `model` is driven with. `None` with fewer than ten tips in reach of the motors.
 #[must_use]
@@ -36,7 +37,7 @@ pub fn likeliest_wander(
     driving: &MotorTrack,
     tips: &[TipAt],
     initial: &Vector3<f64>,
-) -> Option<Wander> {
+) -> Option<(Wander, f64)> {
     let samples = samples(model, motor, driving, tips);
     if samples.len() < 10 {
         return None;
@@ -59,7 +60,8 @@ pub fn likeliest_wander(
             best = trial;
         }
     }
-    Some(wander(&search(best, &[0, 1, 2, 3, 4, 5], 0.5 * width, &cost)))
+    let best = search(best, &[0, 1, 2, 3, 4, 5], 0.5 * width, &cost);
+    Some((wander(&best), cost(&best)))
 }
 
 fn wander(logs: &[f64; 6]) -> Wander {
@@ -159,7 +161,7 @@ mod tests {
                 TipAt { time_s, position, covariance: Matrix3::identity() * 9e-8 }
             })
             .collect();
-        let found = likeliest_wander(&model, &motor, &motor, &tips, &Vector3::new(0.02, 0.02, 2e-3)).unwrap();
+        let (found, _) = likeliest_wander(&model, &motor, &motor, &tips, &Vector3::new(0.02, 0.02, 2e-3)).unwrap();
         // Under steady motion time and travel say much the same, so what counts is how much gathers by both.
         let travelled = *travelled(transmission, &motor).last().unwrap();
         let gathered = found.variance(60.0, &travelled);

@@ -3,10 +3,12 @@
 mod cable;
 mod dynamics;
 mod file;
+mod hysteresis;
 mod kinematics;
 mod link_model;
 pub mod nominal;
 mod rollout;
+pub mod stiction;
 mod transmission;
 mod write;
 
@@ -40,6 +42,8 @@ pub struct Arm {
     pub dynamics: LinkDynamics,
     /// Range of each joint, rad or m.
     pub limits: [[f64; 2]; 3],
+    /// Half the loop of each cable's hysteresis, at the joint: rad, rad, m.
+    pub hysteresis_half_loop: nalgebra::Vector3<f64>,
     /// Joint angles at which the encoders are set, rad, rad, m.
     pub hard_stop: nalgebra::Vector3<f64>,
 }
@@ -78,6 +82,7 @@ impl Robot {
             link_friction,
             dynamics: LinkDynamics::new(*kinematics, links, kinematics.gravity()),
             limits,
+            hysteresis_half_loop: nalgebra::Vector3::from_fn(|j, _| joints[j].hysteresis_half_loop),
             hard_stop: nalgebra::Vector3::from_fn(|j, _| joints[j].hard_stop),
         })
     }
@@ -141,6 +146,7 @@ impl Robot {
                     ["motor_capstan_radius"] => Some(&mut joint.motor_capstan_radius),
                     ["link_pulley_radius"] => Some(&mut joint.link_pulley_radius),
                     ["hard_stop"] => Some(&mut joint.hard_stop),
+                    ["hysteresis_half_loop"] => Some(&mut joint.hysteresis_half_loop),
                     ["cable", "stiffness"] => joint.cable.as_mut().map(|c| &mut c.stiffness),
                     ["cable", "damping"] => joint.cable.as_mut().map(|c| &mut c.damping),
                     ["motor", "inertia"] => joint.motor.as_mut().map(|m| &mut m.inertia),

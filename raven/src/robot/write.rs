@@ -126,6 +126,9 @@ fn joint_yaml(joint: &Joint) -> String {
     if let Some(motor) = joint.motor_at_hard_stop {
         key("motor_at_hard_stop", motor);
     }
+    if joint.hysteresis_half_loop != 0.0 {
+        key("hysteresis_half_loop", joint.hysteresis_half_loop);
+    }
     if let Some(limits) = joint.limits {
         let _ = write!(text, "\n    limits: {}", list(&limits));
     }

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use raven::cli::{self, Outcome};
-use raven::filter::BiasStates;
+use raven::filter::{BiasStates, Friction, Wander};
 use raven::log::Recording;
 use raven::robot::{Robot, nominal};
 use raven::{Error, Result, files};
@@ -95,7 +95,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 
     let parameters = Parameters::identify(&mut chain, folder)?;
     let robot = Robot::read(&folder.join("a.yaml"))?;
-    let settings = Settings { wander: Some(wander(&robot, folder)?), ..NINE };
+    let settings = Settings { tuning: Some(tuning(&robot, folder)?), ..NINE };
     let trials = trials::Trials::run(&robot, folder, &settings)?;
     chain.say(&trials.text())?;
     let occlusion = occlusion::Occlusions::run(&robot, &folder.join("fls7.mcap"), &settings)?;
@@ -109,14 +109,15 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 }
 
 /// Nine states that skip what is hidden.
-const NINE: Settings = Settings { filter: FilterKind::Bias, occlude: 0.0, occlusion: Occlusion::Skip, wander: None };
+const NINE: Settings = Settings { filter: FilterKind::Bias, occlude: 0.0, occlusion: Occlusion::Skip, tuning: None };
 
-/// How the bias wanders, from the recording of experiment B: the trials must not tune the filter that is tried on them.
-fn wander(robot: &Robot, folder: &Path) -> Result<raven::filter::Wander> {
+/// How friction holds and the bias wanders, from the recording of experiment B: the trials must not tune the filter that is tried on them.
+fn tuning(robot: &Robot, folder: &Path) -> Result<(Friction, Wander)> {
     let recording = read(&folder.join("fls.mcap"), robot)?;
     let arm = robot.arm()?;
     let tips = recording.tips(&arm, &robot.observation)?;
-    Ok(BiasStates::tuned(arm, &recording.motor_track()?, &tips).wander)
+    let states = BiasStates::tuned(&arm, &recording.motor_track()?, &tips);
+    Ok((states.friction, states.wander))
 }
 
 fn read(path: &Path, robot: &Robot) -> Result<Recording> {

@@ -12,7 +12,7 @@
 
 use nalgebra::Vector3;
 
-use crate::robot::{Arm, MotorTrack, PAUSE_MAX_S};
+use super::{Arm, MotorTrack, PAUSE_MAX_S};
 
 /// Half the play that Coulomb friction at the joint makes of each cable, as motor angles [rad].
 #[must_use]
