@@ -16,7 +16,7 @@ Examples:
 
 Parameters:
   r_l1..3, offset_1..3, coupling_12, coupling_13, coupling_23, k_e1..3, b_e1..3, F_c1..3,
-  hysteresis_1..3, latency, rotation_x..z, translation_x..z; the groups r_l, offset, coupling, k_e, b_e, F_c, hysteresis,
+  hysteresis_1..3, rounding_1..3, latency, rotation_x..z, translation_x..z; the groups r_l, offset, coupling, k_e, b_e, F_c, hysteresis,
   registration; all
 
 Exit codes: 0 done, 1 failed, 2 wrong arguments, 3 done with some of the recording left out.";

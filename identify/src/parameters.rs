@@ -22,6 +22,8 @@ pub enum Quantity {
     Coulomb(usize),
     /// `hysteresis_1`: half the loop of the cable's hysteresis, at the joint [rad or m].
     Hysteresis(usize),
+    /// `rounding_1`: travel over which that loop turns after a reversal [rad or m].
+    Rounding(usize),
     /// `latency`: by how much an image shows the past of its stamp [s].
     Latency,
     /// `rotation_x`: what the registration's rotation lacks, about an axis of frame 0 [rad].
@@ -31,8 +33,8 @@ pub enum Quantity {
 }
 
 /// Every quantity, in the order in which results list them.
-pub const ALL: [Quantity; 28] = {
-    use Quantity::{Coulomb, Coupling, Damping, HardStop, Hysteresis, Latency, PulleyRadius, Rotation, Stiffness, Translation};
+pub const ALL: [Quantity; 31] = {
+    use Quantity::{Coulomb, Coupling, Damping, HardStop, Hysteresis, Latency, PulleyRadius, Rotation, Rounding, Stiffness, Translation};
     [
         PulleyRadius(0),
         PulleyRadius(1),
@@ -55,6 +57,9 @@ pub const ALL: [Quantity; 28] = {
         Hysteresis(0),
         Hysteresis(1),
         Hysteresis(2),
+        Rounding(0),
+        Rounding(1),
+        Rounding(2),
         Latency,
         Rotation(0),
         Rotation(1),
@@ -79,6 +84,7 @@ impl Quantity {
             Self::Damping(j) => format!("b_e{}", j + 1),
             Self::Coulomb(j) => format!("F_c{}", j + 1),
             Self::Hysteresis(j) => format!("hysteresis_{}", j + 1),
+            Self::Rounding(j) => format!("rounding_{}", j + 1),
             Self::Latency => "latency".to_owned(),
             Self::Rotation(axis) => format!("rotation_{}", AXES[axis]),
             Self::Translation(axis) => format!("translation_{}", AXES[axis]),
@@ -94,7 +100,7 @@ impl Quantity {
             Self::Stiffness(_) => "k_e",
             Self::Damping(_) => "b_e",
             Self::Coulomb(_) => "F_c",
-            Self::Hysteresis(_) => "hysteresis",
+            Self::Hysteresis(_) | Self::Rounding(_) => "hysteresis",
             Self::Latency => "latency",
             Self::Rotation(_) | Self::Translation(_) => "registration",
         }
@@ -117,7 +123,8 @@ impl Quantity {
             Self::Stiffness(j) => format!("joints.{}.cable.stiffness", joint(j)),
             Self::Damping(j) => format!("joints.{}.cable.damping", joint(j)),
             Self::Coulomb(j) => format!("joints.{}.link_friction.coulomb", joint(j)),
-            Self::Hysteresis(j) => format!("joints.{}.hysteresis_half_loop", joint(j)),
+            Self::Hysteresis(j) => format!("joints.{}.hysteresis.half_loop", joint(j)),
+            Self::Rounding(j) => format!("joints.{}.hysteresis.length", joint(j)),
             Self::Latency => "observation.latency".to_owned(),
             Self::Rotation(axis) => format!("observation.rotation.{axis}"),
             Self::Translation(axis) => format!("observation.translation.{axis}"),
@@ -129,9 +136,13 @@ impl Quantity {
     pub fn joint(self, robot: &Robot) -> Option<String> {
         let name = |j: usize| robot.joints.get(j).map(|joint| joint.name.clone());
         match self {
-            Self::PulleyRadius(j) | Self::HardStop(j) | Self::Stiffness(j) | Self::Damping(j) | Self::Coulomb(j) | Self::Hysteresis(j) => {
-                name(j)
-            }
+            Self::PulleyRadius(j)
+            | Self::HardStop(j)
+            | Self::Stiffness(j)
+            | Self::Damping(j)
+            | Self::Coulomb(j)
+            | Self::Hysteresis(j)
+            | Self::Rounding(j) => name(j),
             Self::Coupling(from, to) => Some(format!("{}->{}", name(from)?, name(to)?)),
             Self::Latency | Self::Rotation(_) | Self::Translation(_) => None,
         }
@@ -149,7 +160,7 @@ impl Quantity {
                     "m"
                 }
             }
-            Self::HardStop(j) | Self::Hysteresis(j) => {
+            Self::HardStop(j) | Self::Hysteresis(j) | Self::Rounding(j) => {
                 if prismatic(j) {
                     "m"
                 } else {
@@ -193,7 +204,7 @@ impl Quantity {
     /// Whether it is positive and estimated as its logarithm.
     #[must_use]
     pub fn is_positive(self) -> bool {
-        matches!(self, Self::PulleyRadius(_) | Self::Stiffness(_) | Self::Damping(_) | Self::Coulomb(_))
+        matches!(self, Self::PulleyRadius(_) | Self::Stiffness(_) | Self::Damping(_) | Self::Coulomb(_) | Self::Rounding(_))
     }
 
     /// Whether it shows in motion alone: where the cables hold the joints at rest does not depend on it.

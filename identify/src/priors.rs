@@ -120,7 +120,7 @@ fn spread(quantity: Quantity, robot: &Robot, named: bool, quality: &Quality) -> 
         Quantity::HardStop(j) if named => by_kind(j, HARD_STOP_RAD, HARD_STOP_M),
         Quantity::HardStop(j) => tolerances.hard_stop_of(kind(j)),
         Quantity::Coupling(_, to) => by_kind(to, COUPLING_RAD, COUPLING_M),
-        Quantity::Stiffness(_) | Quantity::Damping(_) | Quantity::Coulomb(_) => FACTOR,
+        Quantity::Stiffness(_) | Quantity::Damping(_) | Quantity::Coulomb(_) | Quantity::Rounding(_) => FACTOR,
         Quantity::Hysteresis(j) => by_kind(j, HYSTERESIS_RAD, HYSTERESIS_M),
         Quantity::Latency => LATENCY_S,
         Quantity::Rotation(axis) => {

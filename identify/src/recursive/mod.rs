@@ -46,7 +46,9 @@ const UNKNOWNS_MAX: usize = 25;
 /// If there are too many unknowns, or the model cannot be evaluated at the outcome.
 pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> Result<(Estimate, Trace)> {
     let unknowns = problem.unknowns().len();
-    if let Some(hysteresis) = problem.unknowns().iter().find(|unknown| matches!(unknown.quantity, Quantity::Hysteresis(_))) {
+    if let Some(hysteresis) =
+        problem.unknowns().iter().find(|unknown| matches!(unknown.quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_)))
+    {
         let name = hysteresis.quantity.name();
         return Err(Error::Argument(format!(
             "--parameters names {name}, whose loop needs the whole log at once; take --method batch for it."

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::{Cable, Kinematics, Link};
+use super::{Cable, Hysteresis, Kinematics, Link};
 use crate::{Error, Result, files};
 
 /// One robot: the whole parameter file.
@@ -114,9 +114,9 @@ pub struct Joint {
     /// Cable.
     #[serde(default)]
     pub cable: Option<Cable>,
-    /// Half the loop of the cable's rate-independent hysteresis, at the joint [rad or m].
+    /// Rate-independent hysteresis of the cable.
     #[serde(default)]
-    pub hysteresis_half_loop: f64,
+    pub hysteresis: Hysteresis,
     /// Motor.
     #[serde(default)]
     pub motor: Option<Motor>,
@@ -382,7 +382,8 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
         within(&key("cable.stiffness"), cable.stiffness, [1.0, 1e9], "N", "another unit")?;
         within(&key("cable.damping"), cable.damping, [0.0, 1e7], "N s/m", "another unit")?;
     }
-    within(&key("hysteresis_half_loop"), joint.hysteresis_half_loop, [-0.2, 0.2], unit, meant)?;
+    within(&key("hysteresis.half_loop"), joint.hysteresis.half_loop, [-0.2, 0.2], unit, meant)?;
+    within(&key("hysteresis.length"), joint.hysteresis.length, [1e-5, 1.0], unit, meant)?;
     if let Some(motor) = joint.motor {
         within(&key("motor.inertia"), motor.inertia, [1e-9, 1e4], "kg m^2", "g cm^2")?;
         within(&key("motor.coulomb_friction"), motor.coulomb_friction, [0.0, 1e4], "N m", "another unit")?;

@@ -1,31 +1,57 @@
 //! Rate-independent hysteresis between capstan and cable: the cable's end lags behind the capstan by up to `h`, whatever the load.
 //!
 //! ```text
-//! dz / d|x| = (h sign(dx) - z) / (2 h)
+//! dz / d|x| = (h sign(dx) - z) / l
 //! ```
 //!
-//! The lag `z` approaches `h` after each reversal over a travel of `2 h`, after which a sharp play would have its whole lag (Dahl 1968
-//! with exponent one; the Duhem class in Visintin, Differential Models of Hysteresis, 1994).
+//! The lag `z` approaches `h` after each reversal over a travel of some `l`; a sharp play has its whole lag after `2 h` (Dahl 1968 with
+//! exponent one; the Duhem class in Visintin, Differential Models of Hysteresis, 1994).
 
 use std::borrow::Cow;
 
 use nalgebra::Vector3;
 
+use serde::Deserialize;
+
 use super::{Arm, MotorTrack, PAUSE_MAX_S};
+
+/// Hysteresis of one cable, at its joint [rad or m].
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hysteresis {
+    /// `h`: half the loop.
+    pub half_loop: f64,
+    /// `l`: travel over which the lag turns after a reversal.
+    #[serde(default = "usual_length")]
+    pub length: f64,
+}
+
+/// A centimetre, or a hundredth of a radian: between a sharp play and cables that rub along their way.
+fn usual_length() -> f64 {
+    0.01
+}
+
+impl Default for Hysteresis {
+    /// None.
+    fn default() -> Self {
+        Self { half_loop: 0.0, length: usual_length() }
+    }
+}
 
 impl Arm {
     /// The motors' motion as the cables have it: behind the hysteresis of each. After a pause there is no lag, as at the start.
     #[must_use]
     pub fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        if self.hysteresis_half_loop == Vector3::zeros() {
+        if self.hysteresis.iter().all(|h| h.half_loop == 0.0) {
             return Cow::Borrowed(motor);
         }
-        let half_rad = self.hysteresis_half_loop.component_mul(&self.transmission.ratio);
+        let per_joint = |of: fn(&Hysteresis) -> f64| Vector3::from_fn(|j, _| of(&self.hysteresis[j]) * self.transmission.ratio[j]);
+        let (half_rad, length_rad) = (per_joint(|h| h.half_loop), per_joint(|h| h.length));
         let mut lag = Vector3::zeros();
         let mut last: Option<(f64, Vector3<f64>)> = None;
         let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
             match last.filter(|(before_s, _)| time_s - before_s <= PAUSE_MAX_S) {
-                Some((_, before)) => lag = Vector3::from_fn(|j, _| lagging(lag[j], half_rad[j], angle[j] - before[j])),
+                Some((_, before)) => lag = Vector3::from_fn(|j, _| lagging(lag[j], half_rad[j], length_rad[j], angle[j] - before[j])),
                 None => lag = Vector3::zeros(),
             }
             last = Some((time_s, *angle));
@@ -36,12 +62,12 @@ impl Arm {
 }
 
 /// Lag after a travel, exactly.
-fn lagging(lag: f64, half: f64, travel: f64) -> f64 {
+fn lagging(lag: f64, half: f64, length: f64, travel: f64) -> f64 {
     if travel == 0.0 || half == 0.0 {
         return lag;
     }
     let target = half * travel.signum();
-    target + (lag - target) * (-(travel / (2.0 * half)).abs()).exp()
+    target + (lag - target) * (-(travel / length).abs()).exp()
 }
 
 #[cfg(test)]
@@ -53,7 +79,8 @@ mod tests {
     #[test]
     fn the_loop_is_twice_the_half_loop_at_any_speed() {
         let mut arm = nominal::gold().arm().unwrap();
-        arm.hysteresis_half_loop = Vector3::new(0.0, 0.01, 0.001);
+        arm.hysteresis[1] = Hysteresis { half_loop: 0.01, length: 0.01 };
+        arm.hysteresis[2] = Hysteresis { half_loop: 0.001, length: 0.004 };
         let ratio = arm.transmission.ratio;
         let back_and_forth = |step: f64| {
             let up = (0..=(0.3 / step) as usize).map(|k| k as f64 * step);

@@ -18,6 +18,7 @@ pub use file::{
     Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, Provenance, Robot, Source, SourceFormat, Tolerances,
     ViscousCoulomb,
 };
+pub use hysteresis::Hysteresis;
 pub use kinematics::{ArmSide, Branch, Kinematics};
 pub use link_model::{LinkModel, LinkState, STICTION_SPEED};
 pub use rollout::{MotorTrack, PAUSE_MAX_S};
@@ -42,8 +43,8 @@ pub struct Arm {
     pub dynamics: LinkDynamics,
     /// Range of each joint, rad or m.
     pub limits: [[f64; 2]; 3],
-    /// Half the loop of each cable's hysteresis, at the joint: rad, rad, m.
-    pub hysteresis_half_loop: nalgebra::Vector3<f64>,
+    /// Hysteresis of each cable.
+    pub hysteresis: [Hysteresis; 3],
     /// Joint angles at which the encoders are set, rad, rad, m.
     pub hard_stop: nalgebra::Vector3<f64>,
 }
@@ -82,7 +83,7 @@ impl Robot {
             link_friction,
             dynamics: LinkDynamics::new(*kinematics, links, kinematics.gravity()),
             limits,
-            hysteresis_half_loop: nalgebra::Vector3::from_fn(|j, _| joints[j].hysteresis_half_loop),
+            hysteresis: std::array::from_fn(|j| joints[j].hysteresis),
             hard_stop: nalgebra::Vector3::from_fn(|j, _| joints[j].hard_stop),
         })
     }
@@ -146,7 +147,8 @@ impl Robot {
                     ["motor_capstan_radius"] => Some(&mut joint.motor_capstan_radius),
                     ["link_pulley_radius"] => Some(&mut joint.link_pulley_radius),
                     ["hard_stop"] => Some(&mut joint.hard_stop),
-                    ["hysteresis_half_loop"] => Some(&mut joint.hysteresis_half_loop),
+                    ["hysteresis", "half_loop"] => Some(&mut joint.hysteresis.half_loop),
+                    ["hysteresis", "length"] => Some(&mut joint.hysteresis.length),
                     ["cable", "stiffness"] => joint.cable.as_mut().map(|c| &mut c.stiffness),
                     ["cable", "damping"] => joint.cable.as_mut().map(|c| &mut c.damping),
                     ["motor", "inertia"] => joint.motor.as_mut().map(|m| &mut m.inertia),

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::{Joint, JointType, KinematicsKind, Observation, Provenance, Robot, SourceFormat};
+use super::{Hysteresis, Joint, JointType, KinematicsKind, Observation, Provenance, Robot, SourceFormat};
 use crate::files::{self, yaml_float, yaml_list as list, yaml_string};
 use crate::{Result, robot::ArmSide};
 
@@ -126,8 +126,9 @@ fn joint_yaml(joint: &Joint) -> String {
     if let Some(motor) = joint.motor_at_hard_stop {
         key("motor_at_hard_stop", motor);
     }
-    if joint.hysteresis_half_loop != 0.0 {
-        key("hysteresis_half_loop", joint.hysteresis_half_loop);
+    if joint.hysteresis != Hysteresis::default() {
+        let Hysteresis { half_loop, length } = joint.hysteresis;
+        let _ = write!(text, "\n    hysteresis: {{half_loop: {}, length: {}}}", yaml_float(half_loop), yaml_float(length));
     }
     if let Some(limits) = joint.limits {
         let _ = write!(text, "\n    limits: {}", list(&limits));
