@@ -11,9 +11,9 @@ use serde_json::Value;
 use crate::chain::{Chain, identify};
 
 /// The shoulder's ratio, what the two softer cables and their friction make of load and reversals, and the cameras' latency.
-const SINUSOID: &str = "r_l1,k_e2,k_e3,F_c2,F_c3,latency";
+const SINUSOID: &str = "r_l1,k_e2,k_e3,F_c2,hysteresis_3,rounding_3,latency";
 /// The same with the stiffest cable, to see what a task motion says of it.
-const TASK: &str = "r_l1,k_e,F_c2,F_c3,latency";
+const TASK: &str = "r_l1,k_e,F_c2,hysteresis_3,rounding_3,latency";
 
 /// One identified number.
 #[derive(Debug, Serialize)]
@@ -102,10 +102,8 @@ fn hidden(truth: &Value, parameter: &str, robot: &Robot) -> Option<f64> {
     let at = |table: &str, digit: &str| truth.get(table)?.get(joint(digit)?)?.as_f64();
     match parameter {
         "latency" => truth.get("latency_s")?.as_f64(),
-        name => match (name.strip_prefix("r_l"), name.strip_prefix("k_e")) {
-            (Some(digit), _) => at("link_pulley_radius_m", digit),
-            (_, Some(digit)) => at("cable_stiffness_n", digit),
-            _ => None,
-        },
+        name => [("r_l", "link_pulley_radius_m"), ("k_e", "cable_stiffness_n"), ("hysteresis_", "hysteresis_half")]
+            .iter()
+            .find_map(|(prefix, table)| at(table, name.strip_prefix(prefix)?)),
     }
 }
