@@ -47,8 +47,9 @@ impl Finding {
 ///
 /// # Errors
 /// If the robot is no arm.
-pub fn identified(robot: &Robot, findings: &[Finding], method: &str, sessions: &[Session]) -> Result<Robot> {
+pub fn identified(robot: &Robot, findings: &[Finding], friction_holds: bool, method: &str, sessions: &[Session]) -> Result<Robot> {
     let mut new = robot.clone();
+    new.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.holds = friction_holds);
     for finding in findings {
         if let Some(value) = new.value_mut(&finding.unknown.key) {
             *value = finding.value;

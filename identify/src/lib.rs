@@ -85,7 +85,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     report.identifiability = Some(identifiability);
 
     if let Some(path) = &args.output {
-        identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;
+        identified::identified(&robot, &findings, problem.friction_holds(), args.method.name(), &recordings.sessions)?.write(path)?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {
         let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;

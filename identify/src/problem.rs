@@ -20,10 +20,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nalgebra::{DVector, Matrix3, Vector3};
 use raven::Result;
 use raven::robot::Robot;
+use raven::stats::chi_square_quantile;
 use rayon::prelude::*;
 
 use crate::batch::{self, Estimate, Jacobian, Residuals, central_difference, forward_difference};
-use crate::misfit::{self, Residual};
+use crate::misfit::{self, FALSE_CHANCE, Residual};
 use crate::motion::Motion;
 use crate::parameters::Quantity;
 use crate::prediction::Predictor;
@@ -151,6 +152,37 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the estimation does not settle.
     pub fn estimate(&mut self, may_hold: &[bool]) -> Result<Estimate> {
+        let of_reversals = |u: &Unknown| matches!(u.quantity, Quantity::Stiffness(_) | Quantity::Coulomb(_) | Quantity::Hysteresis(_));
+        let mut z = self.fitted()?;
+        if self.unknowns.iter().any(of_reversals) {
+            // Whether friction holds or creeps shows at the same reversals, and nobody knows it beforehand: the likelier one is taken.
+            let mut other = self.clone();
+            other.anchored.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.holds ^= true);
+            (other.joints, other.rolled) = (Joints::AtRest, Arc::default());
+            let at_other = other.fitted()?;
+            if other.likelihood(&at_other)? > self.likelihood(&z)? {
+                (*self, z) = (other, at_other);
+            }
+        }
+        batch::estimate(self, may_hold, &z)
+    }
+
+    /// Whether the joints' friction holds, by the robot file or by what was found.
+    #[must_use]
+    pub fn friction_holds(&self) -> bool {
+        self.anchored.joints.iter().filter_map(|joint| joint.link_friction).any(|friction| friction.holds)
+    }
+
+    /// Logarithm of the sightings' likelihood, false ones cut off, up to a constant.
+    fn likelihood(&self, z: &DVector<f64>) -> Result<f64> {
+        let limit = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY);
+        let squares: f64 = self.residuals(z)?.iter().map(|residual| residual.norm_squared().min(limit)).sum();
+        let volumes: f64 = self.whiten.iter().map(|whiten| whiten.determinant().abs().max(f64::MIN_POSITIVE).ln()).sum();
+        Ok(volumes - 0.5 * (squares + z.norm_squared()))
+    }
+
+    /// The most probable values with their misfit, joints lagging or rolling.
+    fn fitted(&mut self) -> Result<DVector<f64>> {
         let mut z = DVector::zeros(self.unknowns.len());
         self.settle(&mut z)?;
         // From where the joints at rest agree with the sightings, rollouts have little left to do.
@@ -164,7 +196,7 @@ impl<'a> Problem<'a> {
                 self.settle(&mut z)?;
             }
         }
-        batch::estimate(self, may_hold, &z)
+        Ok(z)
     }
 
     /// Values and misfit in turn, until the misfit stands still.

@@ -9,7 +9,6 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::wander::travel;
 use super::{TipAt, Wander, likeliest_wander};
-use crate::robot::stiction::{behind_play, play_half_rad, without_coulomb_friction};
 use crate::robot::{Arm, LinkModel, LinkState, MotorTrack};
 
 /// A state equation with `N` states driven by motor angles.
@@ -89,12 +88,10 @@ impl StateEquation<6> for PaperStates {
 /// `x: 9x1`, the paper's six and a transmission bias per joint [rad, rad, m]: the joint sits where the cables would hold it, plus bias.
 #[derive(Debug, Clone)]
 pub struct BiasStates {
-    /// The six, without Coulomb friction where it is play.
+    /// The six.
     pub paper: PaperStates,
     /// How friction holds.
     pub friction: Friction,
-    /// Half the play that friction makes of each cable, as motor angles [rad]; none where friction is in the equations of motion.
-    pub play_half_rad: Vector3<f64>,
     /// How the bias may wander.
     pub wander: Wander,
     /// What the bias may be at the start [rad, rad, m].
@@ -116,12 +113,9 @@ const BIAS_INITIAL: [f64; 3] = [0.02, 0.02, 2e-3];
 impl BiasStates {
     /// With a bias that wanders as `wander` says.
     #[must_use]
-    pub fn new(arm: Arm, friction: Friction, wander: Wander) -> Self {
-        let (play_half_rad, arm) = match friction {
-            Friction::Creeping => (Vector3::zeros(), arm),
-            Friction::Holding => (play_half_rad(&arm), without_coulomb_friction(arm)),
-        };
-        Self { paper: PaperStates::new(LinkModel::new(arm)), friction, play_half_rad, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
+    pub fn new(mut arm: Arm, friction: Friction, wander: Wander) -> Self {
+        arm.link_friction.iter_mut().for_each(|of_joint| of_joint.holds = friction == Friction::Holding);
+        Self { paper: PaperStates::new(LinkModel::new(arm)), friction, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
     }
 
     /// With the friction and the wander under which the log's own tips are likeliest; where they are too few to say, with friction that
@@ -152,8 +146,7 @@ impl StateEquation<9> for BiasStates {
     }
 
     fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        let wound = self.paper.driving(motor);
-        if self.play_half_rad == Vector3::zeros() { wound } else { Cow::Owned(behind_play(&wound, &self.play_half_rad)) }
+        self.paper.driving(motor)
     }
 
     fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, 9, 9> {

@@ -162,6 +162,9 @@ pub struct ViscousCoulomb {
     pub coulomb: f64,
     /// [N m s or N s/m].
     pub viscous: f64,
+    /// Whether Coulomb friction holds a joint whose motor stands still, as against giving way slowly.
+    #[serde(default)]
+    pub holds: bool,
 }
 
 /// One entry of the cable coupling: `q_to += coefficient * q_from`, as cable travel at the joint.

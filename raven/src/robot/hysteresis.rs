@@ -13,6 +13,7 @@ use nalgebra::Vector3;
 
 use serde::Deserialize;
 
+use super::stiction::{behind_play, play_half};
 use super::{Arm, MotorTrack, PAUSE_MAX_S};
 
 /// Hysteresis of one cable, at its joint [rad or m].
@@ -39,12 +40,15 @@ impl Default for Hysteresis {
 }
 
 impl Arm {
-    /// The motors' motion as the cables have it: behind the hysteresis of each. After a pause there is no lag, as at the start.
+    /// The motors' motion as it drives the links: behind the hysteresis of each cable, and behind the [play](super::stiction) of friction
+    /// that holds. After a pause there is no lag, as at the start.
     #[must_use]
     pub fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        if self.hysteresis.iter().all(|h| h.half_loop == 0.0) {
-            return Cow::Borrowed(motor);
-        }
+        let wound = if self.hysteresis.iter().all(|h| h.half_loop == 0.0) { Cow::Borrowed(motor) } else { Cow::Owned(self.wound(motor)) };
+        if play_half(self) == Vector3::zeros() { wound } else { Cow::Owned(behind_play(self, &wound)) }
+    }
+
+    fn wound(&self, motor: &MotorTrack) -> MotorTrack {
         let per_joint = |of: fn(&Hysteresis) -> f64| Vector3::from_fn(|j, _| of(&self.hysteresis[j]) * self.transmission.ratio[j]);
         let (half_rad, length_rad) = (per_joint(|h| h.half_loop), per_joint(|h| h.length));
         let mut lag = Vector3::zeros();
@@ -57,7 +61,7 @@ impl Arm {
             last = Some((time_s, *angle));
             angle - lag
         });
-        Cow::Owned(MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() })
+        MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
     }
 }
 

@@ -85,10 +85,13 @@ impl LinkModel {
     /// Friction of the joints [N m, N m, N] at joint velocities.
     #[must_use]
     pub fn friction(&self, rate: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|j, _| {
-            let friction = &self.arm.link_friction[j];
-            friction.coulomb * (rate[j] / STICTION_SPEED[j]).tanh() + friction.viscous * rate[j]
-        })
+        Vector3::from_fn(|j, _| self.creeping_n(j) * (rate[j] / STICTION_SPEED[j]).tanh() + self.arm.link_friction[j].viscous * rate[j])
+    }
+
+    /// Coulomb friction that stands in the equations of motion [N m or N]; friction that holds is in what drives them.
+    fn creeping_n(&self, j: usize) -> f64 {
+        let friction = &self.arm.link_friction[j];
+        if friction.holds { 0.0 } else { friction.coulomb }
     }
 
     /// One Runge-Kutta step of order four over `step_s`, the motors moving steadily from `motor` at `motor_rate`.
@@ -132,7 +135,7 @@ impl LinkModel {
         let rigid = self.arm.transmission.joint_from_motor(motor);
         let mut joint = rigid;
         for _ in 0..2 {
-            let drag = Vector3::from_fn(|j, _| self.arm.link_friction[j].coulomb * direction[j]);
+            let drag = Vector3::from_fn(|j, _| self.creeping_n(j) * direction[j]);
             let load = self.arm.dynamics.bias(&joint, &Vector3::zeros()) + drag;
             let tension = self.arm.transmission.tension_n(&load);
             let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]));

@@ -1,52 +1,45 @@
-//! Friction on a soft cable is play: the joint rests until the cable's end has moved by enough to pull it free.
+//! Friction on a soft cable is play: the joint rests until its cable has been wound by enough to pull it free.
 //!
 //! ```text
-//! h = F_c / (2 k_e r_l)      stretch at which the cable overcomes the joint's Coulomb friction [m]
-//! w follows the capstan's travel p with play h:  p - h <= w <= p + h
+//! h = F_c / (2 k_e r_l^2)      turn of the joint by which its cable stretches to overcome Coulomb friction [rad or m]
+//! q follows where the cables would have it, q_e, with play h:  q_e - h <= q <= q_e + h
 //! ```
 //!
 //! At the speeds of surgery the links' inertia does not matter, so a joint behind a spring with Coulomb friction is where a free joint
-//! would be if `w` had been wound. Unlike friction that is smoothed around rest, play does not creep while the robot holds still. Play
-//! between capstan and cable looks the same, so an `F_c` identified from tips stands for both. Source of the operator: Prandtl; see
-//! Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
+//! would be if the motors had wound no more than that. The play is the joint's and not the cable's: a motor that makes up for another
+//! joint's motion moves nothing. Unlike friction that is smoothed around rest, play does not creep while the robot holds still. Source of
+//! the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
 
 use nalgebra::Vector3;
 
 use super::{Arm, MotorTrack, PAUSE_MAX_S};
 
-/// Half the play that Coulomb friction at the joint makes of each cable, as motor angles [rad].
+/// Half the play that holding Coulomb friction makes of each joint [rad, rad, m]; none where friction does not hold.
 #[must_use]
-pub fn play_half_rad(arm: &Arm) -> Vector3<f64> {
+pub fn play_half(arm: &Arm) -> Vector3<f64> {
     Vector3::from_fn(|j, _| {
-        let pull_n = arm.link_friction[j].coulomb / arm.transmission.link_radius_m[j];
-        let half_m = arm.cables[j].static_stretch_m(pull_n);
-        if half_m.is_finite() { half_m / arm.transmission.cable_per_motor_m[j] } else { 0.0 }
+        let (friction, radius_m) = (&arm.link_friction[j], arm.transmission.link_radius_m[j]);
+        let half = arm.cables[j].static_stretch_m(friction.coulomb / radius_m) / radius_m;
+        if friction.holds && half.is_finite() { half } else { 0.0 }
     })
 }
 
-/// What the motors' motion does to the joints once the play is taken up. After a pause the play is in its middle, as at the start.
+/// The motors that would move free joints as these motors move joints with play. After a pause the play is in its middle, as at the start.
 #[must_use]
-pub fn behind_play(motor: &MotorTrack, half_rad: &Vector3<f64>) -> MotorTrack {
+pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
+    let (half, transmission) = (play_half(arm), &arm.transmission);
     let mut follower = Vector3::zeros();
     let mut last_s = f64::NEG_INFINITY;
     let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
+        let wanted = transmission.joint_from_motor(angle);
         if time_s - last_s > PAUSE_MAX_S {
-            follower = *angle;
+            follower = wanted;
         }
         last_s = time_s;
-        follower = follower.zip_zip_map(angle, half_rad, |w: f64, p, h| w.clamp(p - h, p + h));
-        follower
+        follower = follower.zip_zip_map(&wanted, &half, |q: f64, wanted, half| q.clamp(wanted - half, wanted + half));
+        transmission.motor_from_joint(&follower)
     });
     MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
-}
-
-/// The arm without the friction that [`behind_play`] stands for.
-#[must_use]
-pub fn without_coulomb_friction(mut arm: Arm) -> Arm {
-    for friction in &mut arm.link_friction {
-        friction.coulomb = 0.0;
-    }
-    arm
 }
 
 #[cfg(test)]
@@ -65,9 +58,10 @@ mod tests {
         let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&wanted(t))).collect(), time_s };
         let times: Vec<f64> = (2..119).map(|k| f64::from(k) * 0.1).collect();
         let rubbing = LinkModel::new(arm.clone()).rollout(&motor, &times);
-        let played = behind_play(&motor, &play_half_rad(&arm));
-        let free = LinkModel::new(without_coulomb_friction(arm.clone())).rollout(&played, &times);
-        let unaided = LinkModel::new(without_coulomb_friction(arm)).rollout(&motor, &times);
+        let mut holding = arm.clone();
+        holding.link_friction.iter_mut().for_each(|friction| friction.holds = true);
+        let free = LinkModel::new(holding.clone()).rollout(&holding.driving(&motor), &times);
+        let unaided = LinkModel::new(holding).rollout(&motor, &times);
         let miss = |model: &[Option<crate::robot::LinkState>]| {
             let pairs = model.iter().zip(&rubbing).map(|(a, b)| a.unwrap().position[1] - b.unwrap().position[1]);
             crate::stats::rms(&pairs.collect::<Vec<_>>()).unwrap()
@@ -75,11 +69,38 @@ mod tests {
         assert!(miss(&free) < 0.2 * miss(&unaided), "{} of {}", miss(&free), miss(&unaided));
     }
 
+    /// An arm whose elbow has a play of 0.1 rad on either side.
+    fn with_play() -> Arm {
+        let mut arm = nominal::gold().arm().unwrap();
+        arm.link_friction[1].holds = true;
+        let radius_m = arm.transmission.link_radius_m[1];
+        arm.link_friction[1].coulomb = arm.cables[1].force(0.1 * radius_m, 0.0) * radius_m;
+        arm
+    }
+
+    fn joints_behind_play(arm: &Arm, wanted: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let transmission = &arm.transmission;
+        let motor = MotorTrack {
+            time_s: (0..wanted.len()).map(|k| k as f64 * 0.1).collect(),
+            angle: wanted.iter().map(|joint| transmission.motor_from_joint(joint)).collect(),
+        };
+        behind_play(arm, &motor).angle.iter().map(|angle| transmission.joint_from_motor(angle)).collect()
+    }
+
     #[test]
     fn nothing_moves_within_the_play_and_all_of_it_beyond() {
-        let angles = [0.0, 0.9, 2.0, 1.5, 0.5, -1.0, -1.0].map(Vector3::repeat);
-        let time_s = (0..7).map(|k| f64::from(k) * 0.1).collect();
-        let played = behind_play(&MotorTrack { time_s, angle: angles.to_vec() }, &Vector3::repeat(1.0));
-        assert_eq!(played.angle.iter().map(|a| a.x).collect::<Vec<_>>(), [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0]);
+        let wanted = [1.0, 1.09, 1.2, 1.15, 1.05, 0.9, 0.9].map(|q| Vector3::new(0.5, q, 0.4));
+        let played: Vec<f64> = joints_behind_play(&with_play(), &wanted).iter().map(|joint| joint[1]).collect();
+        for (found, expected) in played.iter().zip([1.0, 1.0, 1.1, 1.1, 1.1, 1.0, 1.0]) {
+            approx::assert_relative_eq!(*found, expected, epsilon = 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_motor_that_makes_up_for_another_joint_moves_nothing() {
+        // The elbow's motor turns by the coupling while the shoulder moves, and the elbow stays.
+        let wanted: Vec<_> = (0..50).map(|k| Vector3::new(0.2 + 0.02 * f64::from(k), 1.5, 0.4)).collect();
+        let played = joints_behind_play(&with_play(), &wanted);
+        assert!(played.iter().all(|joint| (joint[1] - 1.5).abs() < 1e-9));
     }
 }

@@ -141,7 +141,8 @@ fn joint_yaml(joint: &Joint) -> String {
         let _ = write!(text, "\n    motor: {{inertia: {inertia}, coulomb_friction: {coulomb}, viscous_friction: {viscous}}}");
     }
     if let Some(f) = joint.link_friction {
-        let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
+        let holds = if f.holds { ", holds: true" } else { "" };
+        let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{holds}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
     }
     text
 }
