@@ -7,12 +7,15 @@
 //!
 //! At the speeds of surgery the links' inertia does not matter, so a joint behind a spring with Coulomb friction is where a free joint
 //! would be if the motors had wound no more than that. The play is the joint's and not the cable's: a motor that makes up for another
-//! joint's motion moves nothing. Unlike friction that is smoothed around rest, play does not creep while the robot holds still. Source of
+//! joint's motion moves nothing, and a load that changes has to overcome friction too. Unlike friction that is smoothed around rest, play does not creep while the robot holds still. Source of
 //! the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
 
 use nalgebra::Vector3;
 
 use super::{Arm, MotorTrack, PAUSE_MAX_S};
+
+/// Time between two looks at the load [s]: no motion here changes it within.
+const LOAD_S: f64 = 0.01;
 
 /// Half the play that holding Coulomb friction makes of each joint [rad, rad, m]; none where friction does not hold.
 #[must_use]
@@ -28,18 +31,29 @@ pub fn play_half(arm: &Arm) -> Vector3<f64> {
 #[must_use]
 pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
     let (half, transmission) = (play_half(arm), &arm.transmission);
-    let mut follower = Vector3::zeros();
-    let mut last_s = f64::NEG_INFINITY;
+    let (mut follower, mut sag) = (Vector3::zeros(), Vector3::zeros());
+    let (mut last_s, mut weighed_s) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
     let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
-        let wanted = transmission.joint_from_motor(angle);
+        let rigid = transmission.joint_from_motor(angle);
+        if time_s - weighed_s > LOAD_S {
+            weighed_s = time_s;
+            sag = sagging(arm, &rigid);
+        }
+        let wanted = rigid - sag;
         if time_s - last_s > PAUSE_MAX_S {
             follower = wanted;
         }
         last_s = time_s;
         follower = follower.zip_zip_map(&wanted, &half, |q: f64, wanted, half| q.clamp(wanted - half, wanted + half));
-        transmission.motor_from_joint(&follower)
+        transmission.motor_from_joint(&(follower + sag))
     });
     MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
+}
+
+/// By how much gravity keeps the joints from where rigid cables would have them.
+fn sagging(arm: &Arm, rigid: &Vector3<f64>) -> Vector3<f64> {
+    let tension = arm.transmission.tension_n(&arm.dynamics.bias(rigid, &Vector3::zeros()));
+    arm.transmission.joint_lag(&Vector3::from_fn(|j, _| arm.cables[j].static_stretch_m(tension[j])))
 }
 
 #[cfg(test)]
@@ -73,6 +87,7 @@ mod tests {
     fn with_play() -> Arm {
         let mut arm = nominal::gold().arm().unwrap();
         arm.link_friction[1].holds = true;
+        arm.cables.iter_mut().for_each(|cable| cable.stiffness *= 1e6);
         let radius_m = arm.transmission.link_radius_m[1];
         arm.link_friction[1].coulomb = arm.cables[1].force(0.1 * radius_m, 0.0) * radius_m;
         arm
