@@ -2,7 +2,8 @@
 //!
 //!     cargo bench -p raven --bench filter
 //!
-//! Times on shared machines wander; the ratio of interleaved medians does not.
+//! Times on shared machines wander; the ratio of interleaved medians does not. In the same run, as a peer: filterpy's UKF with a model that
+//! is simpler than ours, where Python 3 has filterpy (`PYTHON` names another interpreter).
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -52,4 +53,16 @@ fn main() {
     println!("13 rollouts of 1 ms        {rollout_us:8.2} us");
     println!("predict and update         {filter_us:8.2} us");
     println!("ratio                      {:8.3}", filter_us / rollout_us);
+    match filterpy_us() {
+        Some(peer_us) => println!("filterpy's UKF             {peer_us:8.2} us, {:.0} times ours", peer_us / filter_us),
+        None => println!("filterpy's UKF             not run: python3 has no filterpy (pip install filterpy numpy scipy)"),
+    }
+}
+
+/// Microseconds that filterpy takes for a predict and update; `None` where it cannot be run.
+fn filterpy_us() -> Option<f64> {
+    let python = std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into());
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peer/filterpy_ukf.py");
+    let output = std::process::Command::new(python).arg(script).output().ok()?;
+    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
 }
