@@ -1,6 +1,6 @@
 """filterpy's UKF on six states behind three cables: microseconds per predict and update, the median of several batches.
 
-The model is simpler than the one it is compared with: links of constant inertia that do not couple, gravity as a sine.
+The model has links of constant inertia that do not couple, and gravity as a sine; `filter.rs` has the same for the comparison.
 """
 
 import sys
