@@ -30,7 +30,7 @@ pub struct Args {
 }
 
 /// What forty seconds of sinusoid through two webcams can tell: the shoulder's ratio, the two softer cables, the cameras' latency.
-const PARAMETERS: &str = "--parameters r_l1,k_e2,k_e3,latency";
+const PARAMETERS: &str = "--parameters r_l1,k_e2,k_e3,F_c2,hysteresis_3,rounding_3,latency";
 
 /// Runs the tour.
 ///
