@@ -59,7 +59,7 @@ impl Unknown {
         if self.quantity.is_positive() { self.prior * (self.spread * z).exp() } else { self.prior + self.spread * z }
     }
 
-    /// `z`, kept where hardware can be if a factor is estimated: within [`FACTORS_MAX`], and a damping below [`DAMPING_MAX`].
+    /// `z`, kept where hardware can be if a factor is estimated: a factor of 81, and of nine for more damping.
     #[must_use]
     pub fn bounded(&self, z: f64) -> f64 {
         match self.quantity {
