@@ -63,7 +63,7 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
     }
     let tips = recording.tips(arm, &robot.observation)?;
     let times: Vec<f64> = tips.iter().map(|tip| tip.time_s).collect();
-    let states = LinkModel::new(arm.clone()).rollout(&motor, &times);
+    let states = LinkModel::new(arm.clone()).rollout(&arm.driving(&motor), &times);
     channels.joints = vec![Residuals::default(); 3];
     for (tip, state) in tips.iter().zip(&states) {
         let Some(state) = state else { continue };

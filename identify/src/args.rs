@@ -11,11 +11,13 @@ const EXAMPLES: &str = "\
 Examples:
   raven-identify tracked.mcap --robot robot.yaml --cameras cameras.yaml -o identified.yaml
   raven-identify export identified.yaml --format r2params --base r2params.yaml -o new.yaml
+  raven-identify excite --robot robot.yaml --parameters r_l,k_e --duration 60 -o motion.csv
   raven-identify day1.mcap day2.mcap --robot robot.yaml --parameters r_l,offset,latency
 
 Parameters:
-  r_l1..3, offset_1..3, coupling_12, coupling_13, coupling_23, k_e1..3, F_c1..3, latency,
-  rotation_x..z, translation_x..z; the groups r_l, offset, coupling, k_e, F_c, registration; all
+  r_l1..3, offset_1..3, coupling_12, coupling_13, coupling_23, k_e1..3, b_e1..3, F_c1..3,
+  hysteresis_1..3, rounding_1..3, latency, rotation_x..z, translation_x..z; the groups r_l, offset, coupling, k_e, b_e, F_c, hysteresis,
+  registration; all
 
 Exit codes: 0 done, 1 failed, 2 wrong arguments, 3 done with some of the recording left out.";
 
@@ -36,6 +38,28 @@ pub struct Args {
 pub enum Command {
     /// Write what the robot's controller loads.
     Export(Export),
+    /// Propose the motion that would identify what is missing.
+    Excite(Excite),
+}
+
+/// Arguments of a proposal.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Excite {
+    /// Robot file.
+    #[arg(long, value_name = "FILE")]
+    pub robot: PathBuf,
+    /// What is wanted, separated by commas (default: r_l, offset, k_e, b_e, F_c and latency).
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    pub parameters: Option<Vec<String>>,
+    /// Length of the motion [s].
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    pub duration: f64,
+    /// Print Cramer-Rao deviations for the lab's motions and the proposal instead.
+    #[arg(long)]
+    pub table: bool,
+    /// Joint set points to write: CSV of time, shoulder, elbow and insertion in s, rad, rad and m.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
 }
 
 /// Arguments of an export.

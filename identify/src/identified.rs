@@ -30,6 +30,14 @@ impl Finding {
         };
         unknowns.iter().enumerate().map(find).collect()
     }
+
+    /// How many prior deviations the value is from the prior.
+    #[must_use]
+    pub fn deviations(&self) -> f64 {
+        let Unknown { quantity, prior, spread, .. } = &self.unknown;
+        let moved = if quantity.is_positive() { (self.value / prior).ln() } else { self.value - prior };
+        (moved / spread).abs()
+    }
 }
 
 /// The robot file with the findings in it.
@@ -39,8 +47,9 @@ impl Finding {
 ///
 /// # Errors
 /// If the robot is no arm.
-pub fn identified(robot: &Robot, findings: &[Finding], method: &str, sessions: &[Session]) -> Result<Robot> {
+pub fn identified(robot: &Robot, findings: &[Finding], friction_holds: bool, method: &str, sessions: &[Session]) -> Result<Robot> {
     let mut new = robot.clone();
+    new.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.holds = friction_holds);
     for finding in findings {
         if let Some(value) = new.value_mut(&finding.unknown.key) {
             *value = finding.value;

@@ -3,11 +3,16 @@
 //! A recording has the motors' angles and the tip as the cameras saw it; between them lie cables, pulleys, hard stops, clocks and a
 //! registration. [`parameters`] names these numbers, [`priors`] says what is known of them beforehand, [`problem`] compares
 //! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
-//! that the recording determined into the robot file. [`export`] hands them to the controller.
+//! that the recording determined into the robot file.
+//! [`identifiability`] says what a recording can tell at all. [`export`] hands them to the controller; [`excite`]
+//! proposes what to record next.
 
 pub mod args;
 pub mod batch;
+pub mod damping;
+pub mod excite;
 pub mod export;
+pub mod identifiability;
 pub mod identified;
 pub mod misfit;
 pub mod motion;
@@ -26,6 +31,7 @@ use std::time::Instant;
 
 pub use args::Args;
 use args::Command;
+use identifiability::Identifiability;
 use identified::Finding;
 use parameters::Selection;
 use problem::Problem;
@@ -43,6 +49,7 @@ use report::Report;
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match &args.command {
         Some(Command::Export(export)) => export::run(export, out),
+        Some(Command::Excite(excite)) => excite::run(excite, out),
         None => identify(&args.identify, out),
     }
 }
@@ -53,13 +60,14 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     robot.arm()?;
     let quality = args.cameras.as_deref().map_or_else(|| Ok(Quality::default()), |path| Cameras::read(path).map(|c| c.quality))?;
     let selection = args.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
-    let unknowns = priors::unknowns(&robot, &selection, &quality)?;
+    let mut unknowns = priors::unknowns(&robot, &selection, &quality)?;
     let recordings = {
         let spinner = cli::spinner("reading logs");
         let recordings = Recordings::read(args.logs()?, &robot);
         spinner.finish_and_clear();
         recordings?
     };
+    let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let spinner = cli::spinner("estimating");
@@ -71,11 +79,13 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let (estimate, trace) = estimate?;
     let findings = Finding::all(&unknowns, &estimate);
     let squares = problem.normalized_squares(&estimate.z)?;
+    let identifiability = Identifiability::of(&robot, &problem, &unknowns, &estimate)?;
     let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
-    let report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
+    let mut report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
+    report.identifiability = Some(identifiability);
 
     if let Some(path) = &args.output {
-        identified::identified(&robot, &findings, args.method.name(), &recordings.sessions)?.write(path)?;
+        identified::identified(&robot, &findings, problem.friction_holds(), args.method.name(), &recordings.sessions)?.write(path)?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {
         let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;
@@ -87,7 +97,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if args.json.as_deref() != Some(Path::new("-")) {
         print(out, &report.table())?;
     }
-    recordings.lost.iter().chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
+    recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }
 

@@ -42,6 +42,21 @@ impl Motion {
         &self.track
     }
 
+    /// The samples from the last one before `from_s` to the first one after `to_s`.
+    #[must_use]
+    pub fn part(&self, from_s: f64, to_s: f64) -> MotorTrack {
+        let MotorTrack { time_s, angle } = &self.track;
+        let first = time_s.partition_point(|&t| t <= from_s).saturating_sub(1);
+        let end = (time_s.partition_point(|&t| t <= to_s) + 1).clamp(first, time_s.len());
+        MotorTrack { time_s: time_s[first..end].to_vec(), angle: angle[first..end].to_vec() }
+    }
+
+    /// The same times and gaps with other angles.
+    #[must_use]
+    pub fn with_track(&self, track: MotorTrack) -> Self {
+        Self { track, ..self.clone() }
+    }
+
     /// How many gaps there are.
     #[must_use]
     pub fn gaps(&self) -> usize {

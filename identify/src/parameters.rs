@@ -1,6 +1,6 @@
 //! The quantities that can be estimated: the names users write, where they stand in the robot file, units, and scale.
 //!
-//! Radii, stiffness and friction are positive and known to a factor, so they are estimated as logarithms; the rest as they are.
+//! Radii, stiffness, damping and friction are positive and known to a factor, so they are estimated as logarithms; the rest as they are.
 
 use raven::robot::{JointType, Robot};
 use raven::{Error, Result};
@@ -16,8 +16,14 @@ pub enum Quantity {
     Coupling(usize, usize),
     /// `k_e1`: stiffness of the cable [N].
     Stiffness(usize),
+    /// `b_e1`: damping of the cable [N s/m].
+    Damping(usize),
     /// `F_c1`: Coulomb friction of the joint [N m or N].
     Coulomb(usize),
+    /// `hysteresis_1`: half the loop of the cable's hysteresis, at the joint [rad or m].
+    Hysteresis(usize),
+    /// `rounding_1`: travel over which that loop turns after a reversal [rad or m].
+    Rounding(usize),
     /// `latency`: by how much an image shows the past of its stamp [s].
     Latency,
     /// `rotation_x`: what the registration's rotation lacks, about an axis of frame 0 [rad].
@@ -27,8 +33,8 @@ pub enum Quantity {
 }
 
 /// Every quantity, in the order in which results list them.
-pub const ALL: [Quantity; 22] = {
-    use Quantity::{Coulomb, Coupling, HardStop, Latency, PulleyRadius, Rotation, Stiffness, Translation};
+pub const ALL: [Quantity; 31] = {
+    use Quantity::{Coulomb, Coupling, Damping, HardStop, Hysteresis, Latency, PulleyRadius, Rotation, Rounding, Stiffness, Translation};
     [
         PulleyRadius(0),
         PulleyRadius(1),
@@ -42,9 +48,18 @@ pub const ALL: [Quantity; 22] = {
         Stiffness(0),
         Stiffness(1),
         Stiffness(2),
+        Damping(0),
+        Damping(1),
+        Damping(2),
         Coulomb(0),
         Coulomb(1),
         Coulomb(2),
+        Hysteresis(0),
+        Hysteresis(1),
+        Hysteresis(2),
+        Rounding(0),
+        Rounding(1),
+        Rounding(2),
         Latency,
         Rotation(0),
         Rotation(1),
@@ -66,7 +81,10 @@ impl Quantity {
             Self::HardStop(j) => format!("offset_{}", j + 1),
             Self::Coupling(from, to) => format!("coupling_{}{}", from + 1, to + 1),
             Self::Stiffness(j) => format!("k_e{}", j + 1),
+            Self::Damping(j) => format!("b_e{}", j + 1),
             Self::Coulomb(j) => format!("F_c{}", j + 1),
+            Self::Hysteresis(j) => format!("hysteresis_{}", j + 1),
+            Self::Rounding(j) => format!("rounding_{}", j + 1),
             Self::Latency => "latency".to_owned(),
             Self::Rotation(axis) => format!("rotation_{}", AXES[axis]),
             Self::Translation(axis) => format!("translation_{}", AXES[axis]),
@@ -80,7 +98,9 @@ impl Quantity {
             Self::HardStop(_) => "offset",
             Self::Coupling(..) => "coupling",
             Self::Stiffness(_) => "k_e",
+            Self::Damping(_) => "b_e",
             Self::Coulomb(_) => "F_c",
+            Self::Hysteresis(_) | Self::Rounding(_) => "hysteresis",
             Self::Latency => "latency",
             Self::Rotation(_) | Self::Translation(_) => "registration",
         }
@@ -101,7 +121,10 @@ impl Quantity {
             Self::HardStop(j) => format!("joints.{}.hard_stop", joint(j)),
             Self::Coupling(from, to) => format!("cable_coupling.{}.{}", joint(from), joint(to)),
             Self::Stiffness(j) => format!("joints.{}.cable.stiffness", joint(j)),
+            Self::Damping(j) => format!("joints.{}.cable.damping", joint(j)),
             Self::Coulomb(j) => format!("joints.{}.link_friction.coulomb", joint(j)),
+            Self::Hysteresis(j) => format!("joints.{}.hysteresis.half_loop", joint(j)),
+            Self::Rounding(j) => format!("joints.{}.hysteresis.length", joint(j)),
             Self::Latency => "observation.latency".to_owned(),
             Self::Rotation(axis) => format!("observation.rotation.{axis}"),
             Self::Translation(axis) => format!("observation.translation.{axis}"),
@@ -113,7 +136,13 @@ impl Quantity {
     pub fn joint(self, robot: &Robot) -> Option<String> {
         let name = |j: usize| robot.joints.get(j).map(|joint| joint.name.clone());
         match self {
-            Self::PulleyRadius(j) | Self::HardStop(j) | Self::Stiffness(j) | Self::Coulomb(j) => name(j),
+            Self::PulleyRadius(j)
+            | Self::HardStop(j)
+            | Self::Stiffness(j)
+            | Self::Damping(j)
+            | Self::Coulomb(j)
+            | Self::Hysteresis(j)
+            | Self::Rounding(j) => name(j),
             Self::Coupling(from, to) => Some(format!("{}->{}", name(from)?, name(to)?)),
             Self::Latency | Self::Rotation(_) | Self::Translation(_) => None,
         }
@@ -131,7 +160,7 @@ impl Quantity {
                     "m"
                 }
             }
-            Self::HardStop(j) => {
+            Self::HardStop(j) | Self::Hysteresis(j) | Self::Rounding(j) => {
                 if prismatic(j) {
                     "m"
                 } else {
@@ -146,6 +175,7 @@ impl Quantity {
                 }
             }
             Self::Stiffness(_) => "N",
+            Self::Damping(_) => "N s/m",
             Self::Coulomb(j) => {
                 if prismatic(j) {
                     "N"
@@ -174,7 +204,19 @@ impl Quantity {
     /// Whether it is positive and estimated as its logarithm.
     #[must_use]
     pub fn is_positive(self) -> bool {
-        matches!(self, Self::PulleyRadius(_) | Self::Stiffness(_) | Self::Coulomb(_))
+        matches!(self, Self::PulleyRadius(_) | Self::Stiffness(_) | Self::Damping(_) | Self::Coulomb(_) | Self::Rounding(_))
+    }
+
+    /// Whether it shows in motion alone: where the cables hold the joints at rest does not depend on it.
+    #[must_use]
+    pub fn is_damping(self) -> bool {
+        matches!(self, Self::Damping(_))
+    }
+
+    /// Whether the way the joints swing about their rest depends on it to first order, or shifts it in time.
+    #[must_use]
+    pub fn is_dynamic(self) -> bool {
+        matches!(self, Self::Stiffness(_) | Self::Damping(_) | Self::Coulomb(_) | Self::Latency)
     }
 }
 
@@ -196,7 +238,7 @@ impl Default for Selection {
 }
 
 impl Selection {
-    /// From names and shorthands (`r_l`, `offset`, `coupling`, `k_e`, `F_c`, `registration`, `all`).
+    /// From names and shorthands (`r_l`, `offset`, `coupling`, `k_e`, `b_e`, `F_c`, `hysteresis`, `registration`, `all`).
     ///
     /// # Errors
     /// If a name is unknown; the message lists those there are.
@@ -205,7 +247,7 @@ impl Selection {
             if name != "all" && !ALL.iter().any(|q| q.name() == *name || q.group() == name) {
                 let known: Vec<String> = ALL.iter().map(|q| q.name()).collect();
                 return Err(Error::Argument(format!(
-                    "--parameters has `{name}`; known are {}, the groups r_l, offset, coupling, k_e, F_c, registration, and all.",
+                    "--parameters has `{name}`; known are {}, the groups r_l, offset, coupling, k_e, b_e, F_c, hysteresis, registration, and all.",
                     known.join(", ")
                 )));
             }

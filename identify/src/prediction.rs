@@ -3,27 +3,34 @@
 //! A tip stamped `t` is where the robot had it at `t - latency`. There the joints rest where the cables hold them,
 //!
 //! ```text
-//! q = q_rigid(q_m) - (1 + C)^-1 x / r_l,   gamma(x) = (1 + C)'^-1 (G(q) + F_c tanh(qd / v_s)) / r_l
+//! q = q_rigid(w) - (1 + C)^-1 x / r_l,   gamma(x) = (1 + C)'^-1 (G(q) + F_c tanh(qd / v_s)) / r_l
 //! ```
 //!
-//! with the motors' direction of motion for the friction's. Leaving out inertia and cable damping costs 1e-4 rad rms and 6 um on
-//! motions of 0.8 rad/s. The prediction is then moved as the registration is off, `p_seen = R' (p - p_hs - translation) + p_hs`, so
-//! that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
+//! with `w` the motors' motion behind the [hysteresis](raven::robot::Arm::driving) of each cable, and its direction for the friction's. At
+//! reversals friction holds a joint back while its cable winds up, and inertia and damping move it too: 1e-4 rad rms and 6 um on motions
+//! of 0.8 rad/s. The [`lag`](Predictor::lag) of a rollout behind that rest is added. The prediction is then moved as the registration is
+//! off, so that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use std::borrow::Cow;
+
+use nalgebra::{Matrix3, Vector3};
 use raven::Result;
-use raven::robot::{LinkModel, Observation, Robot, STICTION_SPEED};
+use raven::observation::TipCorrection;
+use raven::robot::{LinkModel, LinkState, Robot, STICTION_SPEED};
+use rayon::prelude::*;
 
 use crate::motion::Motion;
+
+/// Sightings whose rollout is one piece of work.
+const PART: usize = 300;
+/// Time after which a joint has forgotten how it started [s]: ten times the slowest of its time constants, 0.2 s while friction holds it.
+const WARM_UP_S: f64 = 2.0;
 
 /// Predicts sightings from motors.
 #[derive(Debug, Clone)]
 pub struct Predictor {
     model: LinkModel,
-    latency_s: f64,
-    seen_from_true: Rotation3<f64>,
-    translation_m: Vector3<f64>,
-    tip_at_hard_stop_m: Vector3<f64>,
+    correction: TipCorrection,
 }
 
 impl Predictor {
@@ -33,35 +40,105 @@ impl Predictor {
     /// If it describes no arm.
     pub fn new(robot: &Robot) -> Result<Self> {
         let arm = robot.arm()?;
-        let Observation { latency, rotation, translation } = robot.observation;
-        Ok(Self {
-            latency_s: latency,
-            seen_from_true: Rotation3::new(Vector3::from(rotation)).inverse(),
-            translation_m: Vector3::from(translation),
-            tip_at_hard_stop_m: arm.kinematics.forward(&arm.hard_stop),
-            model: LinkModel::new(arm),
-        })
+        Ok(Self { correction: TipCorrection::new(&arm, &robot.observation), model: LinkModel::new(arm) })
     }
 
-    /// Joint positions [rad, rad, m] at a time of the robot.
+    /// The motors' motion as the cables have it; what all predictions are made of.
     #[must_use]
-    pub fn joints(&self, motion: &Motion, time_s: f64) -> Vector3<f64> {
-        let transmission = &self.model.arm().transmission;
-        let rate = transmission.joint_rate_from_motor(&motion.rate_rad_s(time_s));
+    pub fn driving<'a>(&self, motors: &'a Motion) -> Cow<'a, Motion> {
+        match self.model.arm().driving(motors.track()) {
+            Cow::Borrowed(_) => Cow::Borrowed(motors),
+            Cow::Owned(track) => Cow::Owned(motors.with_track(track)),
+        }
+    }
+
+    /// Joint positions [rad, rad, m] at a time of the robot, at rest.
+    #[must_use]
+    pub fn joints(&self, driving: &Motion, time_s: f64) -> Vector3<f64> {
+        let rate = self.model.arm().transmission.joint_rate_from_motor(&driving.rate_rad_s(time_s));
         let direction = Vector3::from_fn(|j, _| (rate[j] / STICTION_SPEED[j]).tanh());
-        self.model.settled(&motion.angle_rad(time_s), &direction)
+        self.model.settled(&driving.angle_rad(time_s), &direction)
     }
 
-    /// Where the tip with stamp `time_s` should have been seen [m].
+    /// Where the tip with stamp `time_s` should have been seen [m], the joints at rest.
     #[must_use]
-    pub fn seen_m(&self, motion: &Motion, time_s: f64) -> Vector3<f64> {
-        let tip = self.model.arm().kinematics.forward(&self.joints(motion, time_s - self.latency_s));
-        self.seen_from_true * (tip - self.tip_at_hard_stop_m - self.translation_m) + self.tip_at_hard_stop_m
+    pub fn seen_m(&self, driving: &Motion, time_s: f64) -> Vector3<f64> {
+        self.seen_lagging_m(driving, time_s, &Vector3::zeros())
+    }
+
+    /// Where the tip with stamp `time_s` should have been seen [m], the joints at `lag` [rad, rad, m] from rest.
+    #[must_use]
+    pub fn seen_lagging_m(&self, driving: &Motion, time_s: f64, lag: &Vector3<f64>) -> Vector3<f64> {
+        let joints = self.joints(driving, time_s - self.correction.latency_s()) + lag;
+        self.correction.seen_m(&self.model.arm().kinematics.forward(&joints))
     }
 
     /// How that moves with the joints, 3x3 [m/rad, m/rad, 1].
     #[must_use]
-    pub fn seen_from_joints(&self, motion: &Motion, time_s: f64) -> Matrix3<f64> {
-        self.seen_from_true * self.model.arm().kinematics.jacobian(&self.joints(motion, time_s - self.latency_s))
+    pub fn seen_from_joints(&self, driving: &Motion, time_s: f64) -> Matrix3<f64> {
+        let joints = self.joints(driving, time_s - self.correction.latency_s());
+        self.correction.seen_from_true() * self.model.arm().kinematics.jacobian(&joints)
+    }
+
+    /// How far from rest inertia and damping keep the joints [rad, rad, m] at the stamps `times_s` (sorted), by rollouts. Nothing where
+    /// the motion is not known.
+    #[must_use]
+    pub fn lag(&self, driving: &Motion, times_s: &[f64]) -> Vec<Vector3<f64>> {
+        let of_robot: Vec<f64> = times_s.iter().map(|t| t - self.correction.latency_s()).collect();
+        let of_part = |times_s: &[f64]| {
+            let track = driving.part(times_s[0] - WARM_UP_S, times_s[times_s.len() - 1]);
+            let lag = |(state, &time_s): (Option<LinkState>, &f64)| {
+                state.map_or_else(Vector3::zeros, |state| state.position - self.joints(driving, time_s))
+            };
+            self.model.rollout(&track, times_s).into_iter().zip(times_s).map(lag).collect::<Vec<_>>()
+        };
+        of_robot.par_chunks(PART).flat_map_iter(of_part).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use raven::robot::{MotorTrack, nominal};
+
+    /// The motors of a fast swing of the elbow, 3 Hz.
+    fn swing() -> Motion {
+        let transmission = nominal::gold().arm().unwrap().transmission;
+        let time_s: Vec<f64> = (0..3000).map(|i| f64::from(i) * 1e-3).collect();
+        let joint = |t: f64| Vector3::new(0.8, 1.6 + 0.03 * (18.8 * t).sin(), 0.33);
+        let angle = time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect();
+        Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap()
+    }
+
+    #[test]
+    fn the_lag_is_what_inertia_and_damping_make_of_a_swing() {
+        let robot = nominal::gold();
+        let predictor = Predictor::new(&robot).unwrap();
+        let times_s: Vec<f64> = (0..40).map(|i| 1.0 + f64::from(i) / 20.0).collect();
+        let lag = predictor.lag(&predictor.driving(&swing()), &times_s);
+        // Inertia swings a spring of 558 N m/rad by m w^2 a / k, a spring that gives way by as much more.
+        let arm = robot.arm().unwrap();
+        let inertia = arm.dynamics.mass_matrix(&Vector3::new(0.8, 1.6, 0.33))[(1, 1)];
+        let expected = inertia * 18.8_f64.powi(2) * 0.03 / (2.0 * arm.cables[1].stiffness * arm.transmission.link_radius_m[1].powi(2));
+        let most = lag.iter().map(|l| l[1].abs()).fold(0.0, f64::max);
+        assert!((0.8..1.4).contains(&(most / expected)), "{most} rad, expected {expected}");
+    }
+
+    #[test]
+    fn rollouts_in_parts_are_one_rollout() {
+        let predictor = Predictor::new(&nominal::gold()).unwrap();
+        let times_s: Vec<f64> = (0..1450).map(|i| 0.05 + f64::from(i) / 500.0).collect();
+        let motion = swing();
+        let whole = predictor.model.rollout(motion.track(), &times_s);
+        for ((lag, state), &time_s) in predictor.lag(&motion, &times_s).iter().zip(whole).zip(&times_s) {
+            let rest = predictor.joints(&motion, time_s);
+            assert!((state.unwrap().position - rest - lag).amax() < 1e-9, "at {time_s} s");
+        }
+    }
+
+    #[test]
+    fn outside_the_motion_there_is_no_lag() {
+        let lag = Predictor::new(&nominal::gold()).unwrap().lag(&swing(), &[-1.0, 1.0, 9.0]);
+        assert_eq!((lag[0], lag[2]), (Vector3::zeros(), Vector3::zeros()));
     }
 }

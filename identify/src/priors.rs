@@ -15,7 +15,7 @@ use crate::parameters::{ALL, Quantity, Selection};
 
 /// Spread of a radius that is looked for: 10 %.
 const RADIUS: f64 = 0.1;
-/// Spread of stiffness and friction that are looked for: a factor of three.
+/// Spread of stiffness, damping and friction that are looked for: a factor of three.
 const FACTOR: f64 = 1.098_612_288_668_109_8;
 /// Spread of a hard stop that is looked for, 3 deg and 10 mm.
 const HARD_STOP_RAD: f64 = 0.052_359_877_559_829_89;
@@ -23,6 +23,9 @@ const HARD_STOP_M: f64 = 0.01;
 /// Spread of a coupling that is looked for, per radian of the joint that moves: the size of the errors seen on such hardware.
 const COUPLING_RAD: f64 = 0.05;
 const COUPLING_M: f64 = 0.01;
+/// Spread of half a hysteresis loop, 0.5 deg and 1 mm.
+const HYSTERESIS_RAD: f64 = 0.008_726_646_259_971_648;
+const HYSTERESIS_M: f64 = 1e-3;
 /// Spread of the latency [s]: webcams are 5 to 150 ms late.
 const LATENCY_S: f64 = 0.1;
 /// Spread of a registration whose quality is not written down, 1 deg and 5 mm.
@@ -31,6 +34,8 @@ const REGISTRATION_M: f64 = 0.005;
 
 /// Prior deviations of a logarithm beyond which no value is looked at: a factor of 81 for cables.
 const FACTORS_MAX: f64 = 4.0;
+/// The same for more damping, whose poles make rollouts slow: a factor of nine.
+const DAMPING_MAX: f64 = 2.0;
 
 /// One unknown of the estimation.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,10 +59,14 @@ impl Unknown {
         if self.quantity.is_positive() { self.prior * (self.spread * z).exp() } else { self.prior + self.spread * z }
     }
 
-    /// `z`, kept within [`FACTORS_MAX`] where a factor is estimated: no hardware is beyond, and a model of it would be too stiff to move.
+    /// `z`, kept where hardware can be if a factor is estimated: a factor of 81, and of nine for more damping.
     #[must_use]
     pub fn bounded(&self, z: f64) -> f64 {
-        if self.quantity.is_positive() { z.clamp(-FACTORS_MAX, FACTORS_MAX) } else { z }
+        match self.quantity {
+            Quantity::Damping(_) => z.clamp(-FACTORS_MAX, DAMPING_MAX),
+            quantity if quantity.is_positive() => z.clamp(-FACTORS_MAX, FACTORS_MAX),
+            _ => z,
+        }
     }
 
     /// Standard deviation [SI] at a value, of a standard deviation of `z`.
@@ -111,7 +120,8 @@ fn spread(quantity: Quantity, robot: &Robot, named: bool, quality: &Quality) -> 
         Quantity::HardStop(j) if named => by_kind(j, HARD_STOP_RAD, HARD_STOP_M),
         Quantity::HardStop(j) => tolerances.hard_stop_of(kind(j)),
         Quantity::Coupling(_, to) => by_kind(to, COUPLING_RAD, COUPLING_M),
-        Quantity::Stiffness(_) | Quantity::Coulomb(_) => FACTOR,
+        Quantity::Stiffness(_) | Quantity::Damping(_) | Quantity::Coulomb(_) | Quantity::Rounding(_) => FACTOR,
+        Quantity::Hysteresis(j) => by_kind(j, HYSTERESIS_RAD, HYSTERESIS_M),
         Quantity::Latency => LATENCY_S,
         Quantity::Rotation(axis) => {
             quality.registration_rotation_std_rad.map_or(REGISTRATION_RAD, |std| std[axis]).max(tolerances.camera_rotation_rad)

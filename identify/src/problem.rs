@@ -9,13 +9,24 @@
 //!
 //! with `J` from joints to the seen tip, and the misfit `u` of each joint estimated from the residuals along with everything else. A
 //! joint that does not follow the model then does not speak for the others.
+//!
+//! Friction holds the joints back for a while at every reversal, and inertia and damping keep them from where they would rest. Rollouts
+//! of the whole motion say by how much. That lag hardly depends on radii, hard stops, couplings and registration: it is taken from the
+//! estimate at rest and kept. Only with a cable's damping among the unknowns does every prediction come from rollouts of its own.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::{DVector, Matrix3, Vector3};
 use raven::Result;
 use raven::robot::Robot;
+use raven::stats::chi_square_quantile;
+use rayon::prelude::*;
 
-use crate::batch::{self, Estimate, Residuals};
-use crate::misfit::{self, Residual};
+use crate::batch::{self, Estimate, Jacobian, Residuals, central_difference, forward_difference};
+use crate::misfit::{self, FALSE_CHANCE, Residual};
+use crate::motion::Motion;
+use crate::parameters::Quantity;
 use crate::prediction::Predictor;
 use crate::priors::Unknown;
 use crate::session::{Session, Sighting, whitening};
@@ -27,6 +38,14 @@ pub(crate) const MISFIT_START: Vector3<f64> = Vector3::new(0.0228, 0.043, 0.0028
 /// Rounds of estimating values and misfit, and the relative change of the misfit at which they end.
 const ROUNDS_MAX: usize = 10;
 const MISFIT_SETTLED: f64 = 0.1;
+/// How far the unknowns may move before columns that take rollouts are computed anew: the part of a positive one, the latency [s], and the
+/// prior deviations of the rest. A column is then off by a twentieth at most, and the estimate by a twentieth of its deviation.
+const PART_HELD: f64 = 0.05;
+const LATENCY_HELD_S: f64 = 2e-3;
+const REST_HELD: f64 = 0.5;
+/// Rollouts that find out how far from rest the joints are, where no damping is looked for: each corrects the one before in the second
+/// order.
+const LAGS: usize = 2;
 /// Misfit that is as good as none [rad, rad, m]: a third of the tolerance of a hard stop.
 const MISFIT_NONE: Vector3<f64> = Vector3::new(3e-4, 3e-4, 1e-4);
 
@@ -41,7 +60,30 @@ pub struct Problem<'a> {
     misfit: Vector3<f64>,
     /// Per sighting, what makes its residual one of unit covariance [1/m].
     whiten: Vec<Matrix3<f64>>,
+    joints: Joints,
+    /// Columns of the Jacobian [m] that took rollouts, and where.
+    rolled: Arc<Mutex<Rolled>>,
 }
+
+/// How far predictions take the joints to be from where the cables hold them at rest.
+#[derive(Debug, Clone)]
+enum Joints {
+    AtRest,
+    /// As far as a rollout near the estimate has them, per sighting [rad, rad, m].
+    Lagging(Vec<Vector3<f64>>),
+    /// As far as a rollout with the very numbers has them.
+    Rolling,
+}
+
+/// Columns of the Jacobian that took rollouts, by unknown.
+#[derive(Debug, Clone, Default)]
+struct Rolled {
+    z: Option<DVector<f64>>,
+    columns: BTreeMap<usize, Vec<Vector3<f64>>>,
+}
+
+/// How far from rest the joints are, per sighting [rad, rad, m]; `None` where they count as at rest.
+type Lag = Option<Vec<Vector3<f64>>>;
 
 impl<'a> Problem<'a> {
     /// The problem of estimating `unknowns` of `robot` from `sessions`.
@@ -54,7 +96,8 @@ impl<'a> Problem<'a> {
         for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        let mut problem = Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten: Vec::new() };
+        let mut problem =
+            Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten: Vec::new(), joints: Joints::AtRest, rolled: Arc::default() };
         problem.weigh(&DVector::zeros(unknowns.len()))?;
         Ok(problem)
     }
@@ -91,6 +134,14 @@ impl<'a> Problem<'a> {
         self.sessions
     }
 
+    /// A recording's motors behind the hysteresis that the robot file has.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn driving(&self, session: &Session) -> Result<Motion> {
+        Ok(Predictor::new(&self.anchored)?.driving(&session.motion).into_owned())
+    }
+
     /// Keeps `z` where hardware can be, see [`Unknown::bounded`].
     pub fn bound(&self, z: &mut [f64]) {
         self.unknowns.iter().zip(z).for_each(|(unknown, z)| *z = unknown.bounded(*z));
@@ -101,16 +152,64 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the estimation does not settle.
     pub fn estimate(&mut self, may_hold: &[bool]) -> Result<Estimate> {
+        let of_reversals = |u: &Unknown| matches!(u.quantity, Quantity::Stiffness(_) | Quantity::Coulomb(_) | Quantity::Hysteresis(_));
+        let mut z = self.fitted()?;
+        if self.unknowns.iter().any(of_reversals) {
+            // Whether friction holds or creeps shows at the same reversals, and nobody knows it beforehand: the likelier one is taken.
+            let mut other = self.clone();
+            other.anchored.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.holds ^= true);
+            (other.joints, other.rolled) = (Joints::AtRest, Arc::default());
+            let at_other = other.fitted()?;
+            if other.likelihood(&at_other)? > self.likelihood(&z)? {
+                (*self, z) = (other, at_other);
+            }
+        }
+        batch::estimate(self, may_hold, &z)
+    }
+
+    /// Whether the joints' friction holds, by the robot file or by what was found.
+    #[must_use]
+    pub fn friction_holds(&self) -> bool {
+        self.anchored.joints.iter().filter_map(|joint| joint.link_friction).any(|friction| friction.holds)
+    }
+
+    /// Logarithm of the sightings' likelihood, false ones cut off, up to a constant.
+    fn likelihood(&self, z: &DVector<f64>) -> Result<f64> {
+        let limit = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY);
+        let squares: f64 = self.residuals(z)?.iter().map(|residual| residual.norm_squared().min(limit)).sum();
+        let volumes: f64 = self.whiten.iter().map(|whiten| whiten.determinant().abs().max(f64::MIN_POSITIVE).ln()).sum();
+        Ok(volumes - 0.5 * (squares + z.norm_squared()))
+    }
+
+    /// The most probable values with their misfit, joints lagging or rolling.
+    fn fitted(&mut self) -> Result<DVector<f64>> {
         let mut z = DVector::zeros(self.unknowns.len());
+        self.settle(&mut z)?;
+        // From where the joints at rest agree with the sightings, rollouts have little left to do.
+        if self.has_damping() {
+            self.joints = Joints::Rolling;
+            self.settle(&mut z)?;
+        } else {
+            for _ in 0..LAGS {
+                let predictor = Predictor::new(&self.robot(&z))?;
+                self.joints = Joints::Lagging(self.rollout(&predictor));
+                self.settle(&mut z)?;
+            }
+        }
+        Ok(z)
+    }
+
+    /// Values and misfit in turn, until the misfit stands still.
+    fn settle(&mut self, z: &mut DVector<f64>) -> Result<()> {
         for _ in 0..ROUNDS_MAX {
-            z = batch::most_probable(self, &z)?;
+            *z = batch::most_probable(self, z)?;
             let before = self.misfit;
-            self.learn_misfit(&z)?;
+            self.learn_misfit(z)?;
             if (self.misfit - before).abs().component_div(&(before + MISFIT_NONE)).max() <= MISFIT_SETTLED {
                 break;
             }
         }
-        batch::estimate(self, may_hold, &z)
+        Ok(())
     }
 
     /// What the model leaves unexplained, one standard deviation per joint [rad, rad, m].
@@ -119,13 +218,18 @@ impl<'a> Problem<'a> {
         self.misfit
     }
 
-    /// Takes over a misfit [rad, rad, m] that was found along with `z`.
+    /// Takes over what was found elsewhere: `z`, and the misfit [rad, rad, m] that goes with it.
     ///
     /// # Errors
     /// If the model cannot be evaluated.
-    pub fn adopt_misfit(&mut self, misfit: Vector3<f64>, z: &DVector<f64>) -> Result<()> {
+    pub fn adopt(&mut self, misfit: Vector3<f64>, z: &DVector<f64>) -> Result<()> {
         self.misfit = misfit;
+        self.joints = if self.has_damping() { Joints::Rolling } else { Joints::Lagging(self.rollout(&Predictor::new(&self.robot(z))?)) };
         self.weigh(z)
+    }
+
+    fn has_damping(&self) -> bool {
+        self.unknowns.iter().any(|unknown| unknown.quantity.is_damping())
     }
 
     /// Squared residuals normalised by the sightings' covariance alone: 3 on average, if the model explains all but the noise.
@@ -134,25 +238,109 @@ impl<'a> Problem<'a> {
     /// If the model cannot be evaluated.
     pub fn normalized_squares(&self, z: &DVector<f64>) -> Result<Vec<f64>> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let square = |(session, sighting): (&Session, &Sighting)| {
-            let error = predictor.seen_m(&session.motion, sighting.time_s) - sighting.position_m;
+        let square = |(error, (_, sighting)): (Vector3<f64>, (&Session, &Sighting))| {
             whitening(&sighting.covariance_m2).map_or(f64::NAN, |whiten| (whiten * error).norm_squared())
         };
-        Ok(self.sightings().map(square).collect())
+        Ok(self.errors(&predictor, &self.lag(&predictor)).into_iter().zip(self.sightings()).map(square).collect())
+    }
+
+    /// Derivatives of the residuals, normalised by the sightings' covariance alone, per prior deviation of each unknown.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated.
+    pub fn sighting_jacobian(&self, z: &DVector<f64>) -> Result<Jacobian> {
+        let all: Vec<usize> = (0..self.unknowns.len()).collect();
+        let whiten: Vec<_> = self.sightings().map(|(_, s)| whitening(&s.covariance_m2).unwrap_or_else(Matrix3::zeros)).collect();
+        self.derivatives(z, &all, &whiten)
     }
 
     fn sightings(&self) -> impl Iterator<Item = (&'a Session, &'a Sighting)> {
         self.sessions.iter().flat_map(|session| session.sightings.iter().map(move |sighting| (session, sighting)))
     }
 
+    fn lag(&self, predictor: &Predictor) -> Lag {
+        match &self.joints {
+            Joints::AtRest => None,
+            Joints::Lagging(lag) => Some(lag.clone()),
+            Joints::Rolling => Some(self.rollout(predictor)),
+        }
+    }
+
+    /// What rollouts add to the joints at rest.
+    fn rollout(&self, predictor: &Predictor) -> Vec<Vector3<f64>> {
+        let of_session = |session: &Session| {
+            let times_s: Vec<f64> = session.sightings.iter().map(|s| s.time_s).collect();
+            predictor.lag(&predictor.driving(&session.motion), &times_s)
+        };
+        self.sessions.iter().flat_map(of_session).collect()
+    }
+
+    /// Prediction less sighting [m].
+    fn errors(&self, predictor: &Predictor, lag: &Lag) -> Vec<Vector3<f64>> {
+        let mut errors = Vec::with_capacity(self.whiten.len());
+        for session in self.sessions {
+            let driving = predictor.driving(&session.motion);
+            for sighting in &session.sightings {
+                let lag = lag.as_ref().map_or_else(Vector3::zeros, |lag| lag[errors.len()]);
+                errors.push(predictor.seen_lagging_m(&driving, sighting.time_s, &lag) - sighting.position_m);
+            }
+        }
+        errors
+    }
+
+    fn derivatives(&self, z: &DVector<f64>, columns: &[usize], whiten: &[Matrix3<f64>]) -> Result<Jacobian> {
+        let (swinging, resting): (Vec<usize>, Vec<usize>) =
+            columns.iter().partition(|k| matches!(self.joints, Joints::Rolling) && self.unknowns[**k].quantity.is_dynamic());
+        let lag = self.lag(&Predictor::new(&self.robot(z))?);
+        let at_rest = |z: &DVector<f64>| Ok(self.errors(&Predictor::new(&self.robot(z))?, &lag));
+        let mut slopes: BTreeMap<usize, Vec<Vector3<f64>>> =
+            resting.into_par_iter().map(|k| Ok((k, central_difference(at_rest, z, k)?))).collect::<Result<_>>()?;
+        if !swinging.is_empty() {
+            slopes.extend(self.rolled_columns(z, &swinging)?);
+        }
+        let whitened = |k: &usize| slopes[k].iter().zip(whiten).map(|(slope, whiten)| whiten * slope).collect();
+        Ok(columns.iter().map(whitened).collect())
+    }
+
+    /// Columns by rollouts, one on each side of `z` being too much work.
+    fn rolled_columns(&self, z: &DVector<f64>, wanted: &[usize]) -> Result<BTreeMap<usize, Vec<Vector3<f64>>>> {
+        let rolled = |z: &DVector<f64>| {
+            let predictor = Predictor::new(&self.robot(z))?;
+            Ok(self.errors(&predictor, &self.lag(&predictor)))
+        };
+        // The lock is never held while others may work.
+        let mut known = self.rolled.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        if !known.z.as_ref().is_some_and(|before| self.is_near(before, z)) {
+            known = Rolled { z: Some(z.clone()), columns: BTreeMap::new() };
+        }
+        let missing: Vec<usize> = wanted.iter().copied().filter(|k| !known.columns.contains_key(k)).collect();
+        if !missing.is_empty() {
+            let here = rolled(z)?;
+            let column = |k: usize| Ok((k, forward_difference(rolled, &here, z, k)?));
+            known.columns.extend(missing.into_par_iter().map(column).collect::<Result<Vec<_>>>()?);
+            self.rolled.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&known);
+        }
+        Ok(wanted.iter().filter_map(|&k| Some((k, known.columns.get(&k)?.clone()))).collect())
+    }
+
+    /// Whether columns at `a` may stand for those at `b`.
+    fn is_near(&self, a: &DVector<f64>, b: &DVector<f64>) -> bool {
+        self.unknowns.iter().zip((a - b).iter()).all(|(unknown, z)| match unknown.quantity {
+            Quantity::Latency => unknown.spread * z.abs() <= LATENCY_HELD_S,
+            quantity if quantity.is_positive() => unknown.spread * z.abs() <= PART_HELD,
+            _ => z.abs() <= REST_HELD,
+        })
+    }
+
     fn learn_misfit(&mut self, z: &DVector<f64>) -> Result<()> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let residual = |(session, sighting): (&Session, &Sighting)| Residual {
-            error: predictor.seen_m(&session.motion, sighting.time_s) - sighting.position_m,
+        let errors = self.errors(&predictor, &self.lag(&predictor));
+        let residual = |((session, sighting), error): ((&Session, &Sighting), Vector3<f64>)| Residual {
+            error,
             covariance: sighting.covariance_m2,
             from_joints: predictor.seen_from_joints(&session.motion, sighting.time_s),
         };
-        let residuals: Vec<Residual> = self.sightings().map(residual).collect();
+        let residuals: Vec<Residual> = self.sightings().zip(errors).map(residual).collect();
         self.misfit = misfit::misfit(&residuals, &self.misfit);
         self.weigh(z)
     }
@@ -178,8 +366,12 @@ impl Residuals for Problem<'_> {
 
     fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let error = |(session, sighting): (&Session, &Sighting)| predictor.seen_m(&session.motion, sighting.time_s) - sighting.position_m;
-        Ok(self.sightings().map(error).zip(&self.whiten).map(|(error, whiten)| whiten * error).collect())
+        let errors = self.errors(&predictor, &self.lag(&predictor));
+        Ok(errors.into_iter().zip(&self.whiten).map(|(error, whiten)| whiten * error).collect())
+    }
+
+    fn jacobian(&self, z: &DVector<f64>, columns: &[usize]) -> Result<Jacobian> {
+        self.derivatives(z, columns, &self.whiten)
     }
 
     fn blocks(&self) -> Vec<usize> {

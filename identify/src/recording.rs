@@ -99,6 +99,7 @@ impl Recordings {
                 None => without_covariance += 1,
             }
         }
+        sightings.sort_by(|a: &Sighting, b| a.time_s.total_cmp(&b.time_s));
         if in_gaps > 0 {
             let gaps = motion.gaps();
             self.lost.push(format!("{name}: {in_gaps} sightings next to {gaps} gaps in the robot's messages were left out."));

@@ -8,6 +8,7 @@ use raven::stats::chi_square_quantile;
 use serde::Serialize;
 
 use crate::batch::Estimate;
+use crate::identifiability::Identifiability;
 use crate::identified::Finding;
 use crate::misfit::FALSE_CHANCE;
 use crate::parameters::Quantity;
@@ -22,6 +23,8 @@ const CONTRADICTION: f64 = 3.0;
 pub struct Report {
     /// One per estimated number.
     pub parameters: Vec<Line>,
+    /// What the logs can say, where it was asked.
+    pub identifiability: Option<Identifiability>,
     /// Mean of the sightings' squared residuals, normalised by their covariance; 3 if the model explains all but the noise.
     pub nis_mean: f64,
     /// Sightings used.
@@ -78,6 +81,8 @@ pub struct Line {
     quantity: Quantity,
     #[serde(skip)]
     along: bool,
+    #[serde(skip)]
+    deviations: f64,
 }
 
 impl Report {
@@ -104,6 +109,7 @@ impl Report {
             shown: finding.unknown.quantity.shown(robot),
             quantity: finding.unknown.quantity,
             along: !finding.unknown.named,
+            deviations: finding.deviations(),
         };
         let limit = chi_square_quantile(3, 1.0 - FALSE_CHANCE).unwrap_or(f64::INFINITY) * estimate.scale.powi(2);
         let kept = |(square, residual): (&f64, &Vector3<f64>)| (residual.norm_squared() <= limit).then_some(*square);
@@ -114,6 +120,7 @@ impl Report {
         });
         Self {
             parameters: findings.iter().map(line).collect(),
+            identifiability: None,
             nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
             sightings: squares.len(),
             outliers: squares.len() - good.len(),
@@ -152,6 +159,9 @@ impl Report {
         }
         let part = |u: &Unexplained| format!("{} {:.2} {}", u.joint, u.std * u.shown.1, u.shown.0);
         let _ = writeln!(text, "left unexplained: {}", self.unexplained.iter().map(part).collect::<Vec<_>>().join(", "));
+        if let Some(identifiability) = &self.identifiability {
+            text.push_str(&identifiability.table());
+        }
         let _ = writeln!(
             text,
             "{} sightings in {:.1} s, {} of them false; mean NIS {:.2} (3 is noise alone); {:.2} s, {:.0} times real time",
@@ -164,15 +174,15 @@ impl Report {
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
-        for line in self.parameters.iter().filter(|line| line.along) {
-            let off = (line.value - line.prior).abs() / line.prior_std;
-            if off > CONTRADICTION && matches!(line.quantity, Quantity::HardStop(_) | Quantity::Rotation(_) | Quantity::Translation(_)) {
-                warnings.push(format!(
-                    "{} is {off:.0} standard deviations from what the files say of it; name it in --parameters, or look at the \
-                     registration and the hard stop.",
-                    line.name
-                ));
-            }
+        for line in self.parameters.iter().filter(|line| line.deviations > CONTRADICTION) {
+            let (name, off) = (&line.name, line.deviations);
+            let along = line.along && matches!(line.quantity, Quantity::HardStop(_) | Quantity::Rotation(_) | Quantity::Translation(_));
+            let advice = if along {
+                "name it in --parameters, or look at the registration and the hard stop"
+            } else {
+                "either the file is wrong there, or it stands in for something that the model lacks"
+            };
+            warnings.push(format!("{name} is {off:.1} prior deviations from what the files say of it; {advice}."));
         }
         if self.nis_mean > NIS_HIGH {
             warnings.push(format!(

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use nalgebra::{Matrix3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -10,6 +10,7 @@ use rand_distr::{Distribution, StandardNormal};
 use raven::cli::Outcome;
 use raven::log::{LogWriter, Stamp, TipObservation, TipStatus, topics};
 use raven::robot::{MotorTrack, Robot, nominal};
+use raven_identify::args::Method;
 use raven_identify::motion::Motion;
 use raven_identify::prediction::Predictor;
 use raven_identify::{Args, run};
@@ -60,7 +61,9 @@ impl Script {
         for (&t, angle) in time_s.iter().zip(&angle).filter(|(t, _)| (self.robot)(**t)) {
             log.joint_states(topics::MOTOR_JOINT_STATES, START.plus_seconds(t), &NAMES, angle.as_slice(), None).unwrap();
         }
-        let (predictor, motion) = (Predictor::new(&truth).unwrap(), Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap());
+        let predictor = Predictor::new(&truth).unwrap();
+        let motion = Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap();
+        let driving = predictor.driving(&motion);
         let mut random = ChaCha8Rng::seed_from_u64(7);
         for i in 0..(self.duration_s * 15.0) as usize {
             let t = (i as f64 + 0.5) / 15.0;
@@ -71,7 +74,7 @@ impl Script {
                 status: TipStatus::Seen,
                 left_px: [f64::NAN; 2],
                 right_px: [f64::NAN; 2],
-                position_m: predictor.seen_m(&motion, t) + noise,
+                position_m: predictor.seen_m(&driving, t) + noise,
                 covariance_m2: Matrix3::identity() * 4e-8,
             };
             (self.tip)(t, &mut tip);
@@ -102,12 +105,19 @@ impl Folder {
         Ok((outcome, String::from_utf8(out).unwrap()))
     }
 
+    /// The sentence with which every method refuses a log, and writes nothing.
     fn refusal(&self, script: &Script) -> String {
         script.write(&self.path("log.mcap"));
-        let refusal = self.run(&["log.mcap", "--robot", "robot.yaml", "-o", "new.yaml"]).unwrap_err();
-        assert!(refusal.contains("log.mcap") && !refusal.contains('\n') && refusal.ends_with('.'), "{refusal}");
-        assert!(!self.path("new.yaml").exists(), "{refusal}");
-        refusal
+        let refuse = |method: &Method| {
+            let line = ["log.mcap", "--robot", "robot.yaml", "--method", method.name(), "-o", "new.yaml", "--json", "result.json"];
+            let refusal = self.run(&line).unwrap_err();
+            assert!(refusal.contains("log.mcap") && !refusal.contains('\n') && refusal.ends_with('.'), "{refusal}");
+            assert!(!self.path("new.yaml").exists() && !self.path("result.json").exists(), "{refusal}");
+            refusal
+        };
+        let refusals: Vec<String> = Method::value_variants().iter().map(refuse).collect();
+        assert!(refusals.iter().all(|r| *r == refusals[0]), "{refusals:?}");
+        refusals.into_iter().next().unwrap()
     }
 }
 
@@ -174,8 +184,28 @@ fn what_carries_no_estimate_is_refused_in_a_sentence() {
     assert!(stop.contains("never left its hard stop"), "{stop}");
     let clock = folder.refusal(&Script { clock_s: 3600.0, ..Script::good() });
     assert!(clock.contains("clocks disagree") && clock.contains("3600"), "{clock}");
+    let gaps = folder.refusal(&Script { robot: |t| t.fract() < 0.15, ..Script::good() });
+    assert!(gaps.contains("0 usable sightings"), "{gaps}");
+    let covariance = folder.refusal(&Script { tip: |_, tip| tip.covariance_m2 *= f64::NAN, ..Script::good() });
+    assert!(covariance.contains("0 usable sightings") || covariance.contains("not seen"), "{covariance}");
     let silent = folder.refusal(&Script { robot: |_| false, ..Script::good() });
     assert!(silent.contains("motor positions"), "{silent}");
+}
+
+#[test]
+fn some_observations_without_numbers_are_left_out() {
+    let folder = Folder::new();
+    let spoil = |t: f64, tip: &mut TipObservation| {
+        if (5.0..7.0).contains(&t) {
+            tip.position_m.y = f64::NAN;
+        }
+    };
+    Script { tip: spoil, ..Script::good() }.write(&folder.path("log.mcap"));
+    for method in Method::value_variants() {
+        let (_, table) = folder.run(&["log.mcap", "--robot", "robot.yaml", "--method", method.name()]).unwrap();
+        let sightings: usize = table.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!((264..270).contains(&sightings) && table.contains("-5.2") && !table.contains("NaN"), "{table}");
+    }
 }
 
 #[test]

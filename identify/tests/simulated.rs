@@ -119,7 +119,7 @@ fn a_joint_that_did_not_move_keeps_its_numbers() {
     assert!(!first.identified && first.value == case.robot.joints[0].link_pulley_radius, "{first:?}");
     assert!(third.identified && (third.value - 1.003).abs() < 4.0 * third.std, "{third:?}");
 
-    let file = identified(&case.robot, &findings, "batch", &sessions).unwrap();
+    let file = identified(&case.robot, &findings, false, "batch", &sessions).unwrap();
     assert_eq!(file.joints[0].motor_at_hard_stop, None);
     let nominal_motor = case.robot.arm().unwrap().transmission.motor_at_hard_stop[2];
     assert_eq!(file.joints[2].motor_at_hard_stop, Some(nominal_motor));
@@ -138,7 +138,7 @@ fn identifying_again_keeps_the_way_back() {
         let unknowns = priors::unknowns(&robot, &Selection::default(), &Quality::default()).unwrap();
         let again = Case { robot: robot.clone(), unknowns };
         let findings = Finding::all(&again.unknowns, &again.estimate(&sessions));
-        robot = identified(&robot, &findings, "batch", &sessions).unwrap();
+        robot = identified(&robot, &findings, false, "batch", &sessions).unwrap();
         let found = robot.joints[0].link_pulley_radius;
         assert!((found - 0.0598).abs() < 5e-5, "{found}");
     }

@@ -1,6 +1,6 @@
 //! From a log to what models and filters take in: motor angles, and tips at the robot's own times and in its own frame.
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::filter::TipAt;
 use crate::log::{JointSeries, Recording, TipStatus};
@@ -48,7 +48,11 @@ pub fn three_joints(series: &JointSeries, recording: &Recording) -> Result<Vec<V
     Ok((0..series.len()).map(|k| Vector3::new(first[k], second[k], third[k])).collect())
 }
 
-/// Takes latency and registration error out of observed tips.
+/// Takes latency and registration error out of observed tips, and puts them into predicted ones:
+///
+/// ```text
+/// p_true(t - latency) = R (p_seen(t) - p_hs) + p_hs + translation
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct TipCorrection {
     latency_s: f64,
@@ -80,21 +84,45 @@ impl TipCorrection {
         }
     }
 
-    /// Where cameras with these errors see a tip that the robot has at `position` [m]: the inverse of [`Self::apply`].
-    #[must_use]
-    pub fn seen_m(&self, position: &Vector3<f64>) -> Vector3<f64> {
-        self.seen_from_true() * (position - self.pivot - self.translation) + self.pivot
-    }
-
-    /// How directions of frame 0 [1] look to the cameras: 3x3.
-    #[must_use]
-    pub fn seen_from_true(&self) -> Rotation3<f64> {
-        self.rotation.inverse()
-    }
-
     /// By how much an image shows the past of its stamp [s].
     #[must_use]
     pub fn latency_s(&self) -> f64 {
         self.latency_s
+    }
+
+    /// Where the cameras see a tip [m, frame 0] that the robot has at `tip_m`: the inverse of [`Self::apply`] for the position.
+    #[must_use]
+    pub fn seen_m(&self, tip_m: &Vector3<f64>) -> Vector3<f64> {
+        self.seen_from_true() * (tip_m - self.pivot - self.translation) + self.pivot
+    }
+
+    /// What turns a displacement of the tip into the one that the cameras see.
+    #[must_use]
+    pub fn seen_from_true(&self) -> Matrix3<f64> {
+        self.rotation.matrix().transpose()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::nominal;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn what_is_put_in_is_taken_out() {
+        let arm = nominal::gold().arm().unwrap();
+        let observation = Observation { latency: 0.06, rotation: [0.02, -0.01, 0.03], translation: [1e-3, -2e-3, 3e-3] };
+        let correction = TipCorrection::new(&arm, &observation);
+        let tip = Vector3::new(-0.06, -0.02, 0.01);
+        let covariance = Matrix3::from_diagonal(&Vector3::new(1e-8, 2e-6, 1e-8));
+        let turn = correction.seen_from_true();
+        let seen = TipAt { time_s: 1.06, position: correction.seen_m(&tip), covariance: turn * covariance * turn.transpose() };
+        let back = correction.apply(&seen);
+        assert_relative_eq!(back.position, tip, epsilon = 1e-15);
+        assert_relative_eq!(back.covariance, covariance, epsilon = 1e-18);
+        assert_relative_eq!(back.time_s, 1.0, epsilon = 1e-15);
+        let moved = correction.seen_m(&(tip + Vector3::new(0.0, 1e-3, 0.0))) - seen.position;
+        assert_relative_eq!(moved, turn * Vector3::new(0.0, 1e-3, 0.0), epsilon = 1e-15);
     }
 }

@@ -21,6 +21,19 @@ pub fn median(values: &[f64]) -> Option<f64> {
     }
 }
 
+/// Quantiles at `parts` of the finite ones among `values`, interpolated between order statistics; `None` if there are none.
+#[must_use]
+pub fn quantiles<const N: usize>(values: &[f64], parts: [f64; N]) -> Option<[f64; N]> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    Some(parts.map(|part| {
+        let place = part.clamp(0.0, 1.0) * last as f64;
+        let below = place.floor() as usize;
+        sorted[below] + (sorted[(below + 1).min(last)] - sorted[below]) * place.fract()
+    }))
+}
+
 /// A t statistic with its degrees of freedom and two-sided P value.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct TTest {
@@ -68,12 +81,30 @@ fn moments(values: &[f64]) -> Option<(f64, f64)> {
     Some((mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)))
 }
 
-/// The interval that holds the mean of `count` chi-squares with `degrees` of freedom each in 95 % of cases.
+/// The interval that holds the mean of `count` independent chi-squares with `degrees` of freedom each in 95 % of cases.
+///
+/// `count` need not be whole: it may be the number of independent values that correlated ones are worth.
 #[must_use]
-pub fn chi_square_mean_band(degrees: usize, count: usize) -> Option<[f64; 2]> {
-    let total = ChiSquared::new((degrees * count) as f64).ok()?;
-    let bound = |p: f64| total.inverse_cdf(p) / count as f64;
-    (count > 0).then(|| [bound(0.025), bound(0.975)])
+pub fn chi_square_mean_band(degrees: f64, count: f64) -> Option<[f64; 2]> {
+    let total = ChiSquared::new(degrees * count).ok()?;
+    let bound = |p: f64| total.inverse_cdf(p) / count;
+    (count > 0.0).then(|| [bound(0.025), bound(0.975)])
+}
+
+/// How many independent values the mean of a correlated series is worth: `N / (1 + 2 sum rho_k)`, the sum over pairs of lags as long as
+/// they stay positive (Geyer 1992, initial positive sequence). `None` of fewer than two values or values all alike.
+#[must_use]
+pub fn effective_count(values: &[f64]) -> Option<f64> {
+    let (mean, _) = moments(values)?;
+    let n = values.len();
+    let covariance = |lag: usize| values[lag..].iter().zip(values).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>() / n as f64;
+    let power = covariance(0);
+    if power.is_nan() || power <= 0.0 {
+        return None;
+    }
+    // Pairs (0, 1), (2, 3), ...; the sum of all is half of one more than twice the sum of the correlations.
+    let pairs = (0..n / 2).map(|k| (covariance(2 * k) + covariance(2 * k + 1)) / power).take_while(|&pair| pair > 0.0);
+    Some((n as f64 / (2.0 * pairs.sum::<f64>() - 1.0)).clamp(1.0, n as f64))
 }
 
 /// The value that a chi-square with `degrees` of freedom stays below with probability `p`.
@@ -112,7 +143,7 @@ mod tests {
     #[test]
     fn chi_square_quantiles_of_the_tables() {
         assert_relative_eq!(chi_square_quantile(3, 0.95).unwrap(), 7.8147, epsilon = 1e-4);
-        let [low, high] = chi_square_mean_band(3, 100).unwrap();
+        let [low, high] = chi_square_mean_band(3.0, 100.0).unwrap();
         assert_relative_eq!(low, 2.5391, epsilon = 1e-3);
         assert_relative_eq!(high, 3.4987, epsilon = 1e-3);
     }

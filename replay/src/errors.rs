@@ -72,14 +72,17 @@ pub struct JointRow {
     pub improvement_percent: Option<f64>,
 }
 
+/// RMS of errors [rad or m]; `None` of nothing.
+#[must_use]
+pub fn rms_of(series: &ErrorSeries) -> Option<f64> {
+    rms(&series.iter().map(|(_, error)| *error).collect::<Vec<_>>())
+}
+
 impl JointErrors {
     /// Errors of joint `j` wherever the reference is known.
     #[must_use]
     pub fn new(estimates: &Estimates, reference: &JointSeries, j: usize) -> Self {
-        let against = |estimate: &Estimate| {
-            let samples = estimate.time_s.iter().zip(&estimate.joints);
-            samples.filter_map(|(&t, q)| reference.interpolate(j, t).map(|truth| (t, q[j] - truth))).collect()
-        };
+        let against = |estimate: &Estimate| Self::against(estimate, reference, j);
         Self {
             believed: against(&estimates.believed),
             kinematic: against(&estimates.kinematic),
@@ -89,11 +92,18 @@ impl JointErrors {
         }
     }
 
+    /// Errors of one estimate of joint `j` wherever the reference is known.
+    #[must_use]
+    pub fn against(estimate: &Estimate, reference: &JointSeries, j: usize) -> ErrorSeries {
+        let samples = estimate.time_s.iter().zip(&estimate.joints);
+        samples.filter_map(|(&t, q)| reference.interpolate(j, t).map(|truth| (t, q[j] - truth))).collect()
+    }
+
     /// The row of the table.
     #[must_use]
     pub fn row(&self, joint: &Joint) -> JointRow {
         let (unit, scale) = joint.display_unit();
-        let rms_of = |series: &ErrorSeries| rms(&series.iter().map(|(_, e)| e * scale).collect::<Vec<_>>());
+        let rms_of = |series: &ErrorSeries| rms_of(series).map(|rms| rms * scale);
         let (rms_kinematic, rms_filter) = (rms_of(&self.believed), rms_of(&self.filter));
         let improvement = rms_kinematic.zip(rms_filter).filter(|(before, _)| *before > 0.0);
         JointRow {

@@ -1,30 +1,54 @@
 //! The three estimates of a log's joints: transmission kinematics, camera, filter.
 
+use nalgebra::Matrix3;
 use raven::Result;
-use raven::filter::{BiasStates, FilterRun, JointTrack, PaperStates, TipAt, run};
+use raven::filter::{BiasStates, FilterRun, Friction, JointTrack, PaperStates, TipAt, Wander, run};
 use raven::log::Recording;
 use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 
 use crate::errors::{Estimate, Estimates};
-use crate::{Args, FilterKind};
+use crate::{FilterKind, Occlusion};
 
 /// Length of the blocks in which `--occlude` hides the marker [s], as in the paper's experiment D.
 const OCCLUSION_BLOCK_S: f64 = 2.0;
+
+/// How the filter runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Its states.
+    pub filter: FilterKind,
+    /// Share of the time in which the marker is hidden from it.
+    pub occlude: f64,
+    /// What it makes of that.
+    pub occlusion: Occlusion,
+    /// How friction holds and the bias wanders; by default as the log's own tips say.
+    pub tuning: Option<(Friction, Wander)>,
+}
 
 /// All estimates of one log, and the filter's own account.
 ///
 /// # Errors
 /// If the log has no motor angles, or the robot is no arm.
-pub fn estimate(recording: &Recording, robot: &Robot, args: &Args) -> Result<(Estimates, FilterRun)> {
+pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Result<(Estimates, FilterRun)> {
     let (arm, believed_arm) = (robot.arm()?, robot.before_calibration().arm()?);
     let motor = recording.motor_track()?;
     let mut tips = if recording.tip.is_empty() { Vec::new() } else { recording.tips(&arm, &robot.observation)? };
-    hide(&mut tips, args.occlude);
+    let hidden = hide(&mut tips, settings.occlude);
     let camera = camera(&arm, &motor, &tips);
-    let model = LinkModel::new(arm.clone());
-    let filter = match args.filter {
-        FilterKind::Paper => run(&PaperStates::new(model), &arm.kinematics, &motor, &tips),
-        FilterKind::Bias => run(&BiasStates::new(model, &motor, &tips), &arm.kinematics, &motor, &tips),
+    let mut offered = tips.clone();
+    if settings.occlusion == Occlusion::Kinematics {
+        offered.extend(stand_ins(&arm, &motor, &tips, &hidden));
+        offered.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    }
+    let filter = match settings.filter {
+        FilterKind::Paper => run(&PaperStates::new(LinkModel::new(arm.clone())), &arm.kinematics, &motor, &offered),
+        FilterKind::Bias => {
+            let states = match settings.tuning {
+                Some((friction, wander)) => BiasStates::new(arm.clone(), friction, wander),
+                None => BiasStates::tuned(&arm, &motor, &tips),
+            };
+            run(&states, &arm.kinematics, &motor, &offered)
+        }
     };
     let estimates = Estimates {
         believed: transmission(&believed_arm, &motor),
@@ -59,16 +83,32 @@ fn camera(arm: &Arm, motor: &MotorTrack, tips: &[TipAt]) -> Estimate {
     estimate
 }
 
-/// Takes a share of the tips away in whole blocks, spread evenly by the golden ratio so that the same share hides the same blocks.
-fn hide(tips: &mut Vec<TipAt>, share: f64) {
-    let Some(start) = tips.first().map(|tip| tip.time_s) else { return };
+/// Takes a share of the tips away in whole blocks, spread evenly by the golden ratio so that more hides what less does, and more.
+///
+/// The first block stays: where a filter starts is not what occlusion is about.
+fn hide(tips: &mut Vec<TipAt>, share: f64) -> Vec<TipAt> {
+    let Some(start) = tips.first().map(|tip| tip.time_s) else { return Vec::new() };
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    tips.retain(|tip| (((tip.time_s - start) / OCCLUSION_BLOCK_S).floor() * golden).fract() >= share);
+    let seen = |tip: &TipAt| (((tip.time_s - start) / OCCLUSION_BLOCK_S).floor() * golden).fract() < 1.0 - share;
+    let (left, hidden) = std::mem::take(tips).into_iter().partition(seen);
+    *tips = left;
+    hidden
+}
+
+/// The paper's stand-in for hidden tips: where transmission kinematics has them, with the mean covariance of those seen.
+fn stand_ins(arm: &Arm, motor: &MotorTrack, seen: &[TipAt], hidden: &[TipAt]) -> Vec<TipAt> {
+    let covariance = seen.iter().map(|tip| tip.covariance).sum::<Matrix3<f64>>() / seen.len().max(1) as f64;
+    let stand_in = |tip: &TipAt| {
+        let (angle, _) = motor.at(tip.time_s)?;
+        let position = arm.kinematics.forward(&arm.transmission.joint_from_motor(&angle));
+        Some(TipAt { time_s: tip.time_s, position, covariance })
+    };
+    hidden.iter().filter_map(stand_in).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix3, Vector3};
+    use nalgebra::Vector3;
 
     use super::*;
 
@@ -78,11 +118,25 @@ mod tests {
             (0..6000).map(|k| TipAt { time_s: f64::from(k) / 15.0, position: Vector3::zeros(), covariance: Matrix3::identity() }).collect();
         for share in [0.0, 0.1, 0.4, 0.8] {
             let mut left = all.clone();
-            hide(&mut left, share);
+            let taken = hide(&mut left, share);
+            assert_eq!(left.len() + taken.len(), all.len());
             let hidden = 1.0 - left.len() as f64 / all.len() as f64;
             assert!((hidden - share).abs() < 0.02, "{share}: {hidden}");
             let edges = left.windows(2).filter(|pair| pair[1].time_s - pair[0].time_s > 0.1);
             assert!(edges.into_iter().all(|pair| pair[1].time_s - pair[0].time_s > 1.9));
         }
+    }
+
+    #[test]
+    fn a_hidden_tip_is_replaced_by_the_one_of_transmission_kinematics() {
+        let arm = raven::robot::nominal::gold().arm().unwrap();
+        let joints = Vector3::new(0.8, 1.5, 0.35);
+        let motor = MotorTrack { time_s: vec![0.0, 0.1], angle: vec![arm.transmission.motor_from_joint(&joints); 2] };
+        let tip = |time_s, scale| TipAt { time_s, position: Vector3::zeros(), covariance: Matrix3::identity() * scale };
+        let [only, beyond] =
+            [stand_ins(&arm, &motor, &[tip(0.0, 1.0), tip(0.01, 3.0)], &[tip(0.05, 9.0)]), stand_ins(&arm, &motor, &[], &[tip(5.0, 1.0)])];
+        assert!((only[0].position - arm.kinematics.forward(&joints)).norm() < 1e-12);
+        assert_eq!(only[0].covariance, Matrix3::identity() * 2.0);
+        assert!(beyond.is_empty());
     }
 }

@@ -1,7 +1,9 @@
 //! `raven-replay`: transmission kinematics, camera and filter side by side against the reference encoders.
 
+pub mod chain;
 pub mod errors;
 pub mod estimate;
+pub mod paper;
 mod report;
 pub mod tour;
 
@@ -16,6 +18,7 @@ use raven::robot::Robot;
 use raven::{Error, Result};
 
 use crate::errors::JointErrors;
+use crate::estimate::Settings;
 
 /// Replays a log through transmission kinematics, camera and filter.
 ///
@@ -42,6 +45,9 @@ pub struct Args {
     /// Share of the time in which the marker is hidden from the filter, in blocks of 2 s.
     #[arg(long, default_value_t = 0.0, value_parser = share)]
     pub occlude: f64,
+    /// What the filter makes of a hidden marker: nothing, or as in the paper the tip that transmission kinematics computes.
+    #[arg(long, value_enum, default_value_t = Occlusion::Skip)]
+    pub occlusion: Occlusion,
     /// Writes the estimates to a log, for one input log.
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -57,6 +63,8 @@ pub struct Args {
 enum Command {
     /// Simulates a lab session and runs the whole chain on it; results are left in a folder.
     Tour(tour::Args),
+    /// Repeats the founding paper's experiments A to D on a simulated session; tables and figures are left in a folder.
+    Paper(paper::Args),
 }
 
 /// Which states the filter has.
@@ -66,6 +74,15 @@ pub enum FilterKind {
     Paper,
     /// And a slow transmission bias per joint.
     Bias,
+}
+
+/// What the filter makes of a hidden marker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Occlusion {
+    /// Nothing: it goes on by its model.
+    Skip,
+    /// The paper's switch: the tip that transmission kinematics computes is taken for seen, as well as the camera typically sees.
+    Kinematics,
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -80,8 +97,10 @@ fn share(text: &str) -> Result<f64, String> {
 /// # Errors
 /// If a file cannot be read or written, or the logs lack motor angles.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
-    if let Some(Command::Tour(tour)) = &args.command {
-        return tour::run(tour, out);
+    match &args.command {
+        Some(Command::Tour(tour)) => return tour::run(tour, out),
+        Some(Command::Paper(paper)) => return paper::run(paper, out),
+        None => {}
     }
     let started = Instant::now();
     let Some(robot_path) = &args.robot else { return Err(Error::Argument("--robot is needed.".to_owned())) };
@@ -93,12 +112,13 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     if args.output.is_some() && args.logs.len() > 1 {
         return Err(Error::Argument("-o takes the estimates of one log; give one log or leave -o away.".to_owned()));
     }
+    let settings = Settings { filter: args.filter, occlude: args.occlude, occlusion: args.occlusion, tuning: None };
     let bar = cli::progress(args.logs.len() as u64, "replaying");
     let mut errors: [Vec<JointErrors>; 3] = Default::default();
     let mut summaries = Vec::new();
     for path in &args.logs {
         let recording = Recording::read(path, &(&robot).into())?;
-        let (estimates, filter) = estimate::estimate(&recording, &robot, &args)?;
+        let (estimates, filter) = estimate::estimate(&recording, &robot, &settings)?;
         if let Some(reference) = &recording.joint_encoders {
             raven::observation::three_joints(reference, &recording)?;
             for (j, errors) in errors.iter_mut().enumerate() {

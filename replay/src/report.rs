@@ -4,10 +4,11 @@ use std::io::Write;
 use std::path::Path;
 
 use raven::filter::FilterRun;
+use raven::filter::consistency::{self, NormalisedSquares, Whiteness};
 use raven::log::{JointSeries, LogWriter, Recording, topics};
 use raven::plot::{self, Mark, Panel, Series};
 use raven::robot::Robot;
-use raven::stats::{TTest, chi_square_mean_band};
+use raven::stats::TTest;
 use raven::{Error, Result, files};
 use serde::Serialize;
 
@@ -31,21 +32,55 @@ pub struct LogSummary {
     restarts: usize,
     nis_mean: Option<f64>,
     nis_band95: Option<[f64; 2]>,
+    nis: Option<NormalisedSquares>,
+    whiteness: Option<Whiteness>,
+    nees_filter: Option<NormalisedSquares>,
+    nees_smoother: Option<NormalisedSquares>,
 }
 
 impl LogSummary {
     /// From a filter's run over a log.
     pub fn new(recording: &Recording, filter: &FilterRun) -> Self {
-        let tips = filter.innovations.len();
-        let accepted: Vec<f64> = filter.innovations.iter().filter(|(_, i)| i.accepted).map(|(_, i)| i.nis).collect();
+        let nis = consistency::nis(filter);
+        let nees = |track| recording.joint_encoders.as_ref().and_then(|reference| consistency::nees(track, reference));
         Self {
             log: recording.path.display().to_string(),
-            tips,
-            refused: tips - accepted.len(),
+            tips: filter.innovations.len(),
+            refused: filter.innovations.iter().filter(|(_, innovation)| !innovation.accepted).count(),
             restarts: filter.restarts,
-            nis_mean: (!accepted.is_empty()).then(|| accepted.iter().sum::<f64>() / accepted.len() as f64),
-            nis_band95: chi_square_mean_band(3, accepted.len()),
+            nis_mean: nis.map(|nis| nis.mean),
+            nis_band95: nis.map(|nis| nis.band95),
+            nis,
+            whiteness: consistency::whiteness(filter),
+            nees_filter: nees(&filter.filtered),
+            nees_smoother: nees(&filter.smoothed),
         }
+    }
+
+    /// One sentence per kind of error that can be checked.
+    pub fn print(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let Some(nis) = self.nis else { return Ok(()) };
+        writeln!(out, "{}", self.log)?;
+        let [low, high] = nis.band95;
+        let verdict = nis.sentence("The filter", "innovations");
+        writeln!(out, "  {verdict} Mean NIS {:.2} of {} tips, 95 % band {low:.2} to {high:.2}.", nis.mean, nis.samples)?;
+        if let Some(Whiteness { lag_one, band95, white }) = self.whiteness {
+            let verdict = if white { "are independent" } else { "are alike from one to the next" };
+            writeln!(out, "  Its innovations {verdict}: correlation {lag_one:+.3}, 95 % band +-{band95:.3}.")?;
+        }
+        for (who, nees) in [("The filter", self.nees_filter), ("The smoother", self.nees_smoother)] {
+            let Some(nees) = nees else { continue };
+            let [low, high] = nees.band95;
+            writeln!(
+                out,
+                "  {} Mean NEES {:.2} of {} estimates worth {:.0} independent ones, 95 % band {low:.2} to {high:.2}.",
+                nees.sentence(who, "joint errors"),
+                nees.mean,
+                nees.samples,
+                nees.effective_samples
+            )?;
+        }
+        Ok(())
     }
 }
 
@@ -91,13 +126,7 @@ impl Report {
             )?;
         }
         for log in &self.logs {
-            let Some((mean, [low, high])) = log.nis_mean.zip(log.nis_band95) else { continue };
-            let verdict = match mean {
-                m if m > high => "the filter trusts its model or its camera more than this log allows",
-                m if m < low => "the filter trusts its model or its camera less than this log would allow",
-                _ => "the filter is as sure as it should be",
-            };
-            writeln!(out, "{}: mean NIS {mean:.2} of {} tips (95 % band {low:.2} to {high:.2}): {verdict}.", log.log, log.tips)?;
+            log.print(out)?;
         }
         Ok(())
     }

@@ -1,14 +1,14 @@
 //! `raven-replay tour DIR`: a virtual lab session from the first frame to the parameter file, with the commands a lab would type.
 
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::Parser;
 use raven::cli::Outcome;
 use raven::robot::{Robot, nominal};
 use raven::{Error, Result, files};
+
+use crate::chain::{Chain, calibrate, capture, diagnose, identify, replay, track};
 
 /// Simulates a lab session with hidden errors and runs the whole chain on it.
 ///
@@ -30,10 +30,7 @@ pub struct Args {
 }
 
 /// What forty seconds of sinusoid through two webcams can tell: the shoulder's ratio, the two softer cables, the cameras' latency.
-const PARAMETERS: &str = "--parameters r_l1,k_e2,k_e3,latency";
-
-/// One program of the chain, with its arguments as they would be typed.
-type Program = fn(&[String], &mut dyn Write) -> Result<Outcome>;
+const PARAMETERS: &str = "--parameters r_l1,k_e2,k_e3,F_c2,hysteresis_3,rounding_3,latency";
 
 /// Runs the tour.
 ///
@@ -44,7 +41,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let folder = &args.folder;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     files::write_atomic(&folder.join("robot.yaml"), nominal::GOLD_YAML.as_bytes())?;
-    let mut chain = Chain { folder, out, transcript: String::new() };
+    let mut chain = Chain::new(folder, out);
     let lab = format!("--hidden lab --seed {} --truth {{truth.json}}", args.seed);
     for (motion, length) in [
         ("board", String::new()),
@@ -83,62 +80,6 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     ))?;
     files::write_atomic(&folder.join("tour.txt"), chain.transcript.as_bytes())?;
     Ok(Outcome::Done)
-}
-
-/// Runs the steps one after the other and keeps what they printed.
-struct Chain<'a> {
-    folder: &'a Path,
-    out: &'a mut dyn Write,
-    transcript: String,
-}
-
-impl Chain<'_> {
-    /// Runs a program; `{name}` in its arguments is the file `name` in the tour's folder.
-    fn step(&mut self, name: &str, program: Program, arguments: &str) -> Result<()> {
-        let expand = |word: &str| match word.strip_prefix('{').and_then(|w| w.strip_suffix('}')) {
-            Some(file) => self.folder.join(file).display().to_string(),
-            None => word.to_owned(),
-        };
-        let typed: Vec<String> = [name.to_owned()].into_iter().chain(arguments.split_whitespace().map(expand)).collect();
-        let shown: Vec<String> = typed.iter().map(|w| if w.contains(' ') { format!("'{w}'") } else { w.clone() }).collect();
-        self.say(&format!("$ {}", shown.join(" ")))?;
-        let mut printed = Vec::new();
-        program(&typed, &mut printed)?;
-        self.say(&String::from_utf8_lossy(&printed))
-    }
-
-    fn say(&mut self, text: &str) -> Result<()> {
-        let _ = writeln!(self.transcript, "{text}");
-        writeln!(self.out, "{text}").map_err(|e| Error::io(Path::new("standard output"), "write", e))
-    }
-}
-
-fn parse<A: Parser>(typed: &[String]) -> Result<A> {
-    A::try_parse_from(typed).map_err(|e| Error::Argument(e.to_string()))
-}
-
-fn capture(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
-    raven_capture::run(parse(typed)?, out)
-}
-
-fn calibrate(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
-    raven_calibrate::run(parse(typed)?, out)
-}
-
-fn track(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
-    raven_track::run(parse(typed)?, out)
-}
-
-fn identify(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
-    raven_identify::run(parse(typed)?, out)
-}
-
-fn replay(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
-    crate::run(parse(typed)?, out)
-}
-
-fn diagnose(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
-    raven_diagnose::run(parse(typed)?, out)
 }
 
 /// What identification found beside what the simulation had hidden.

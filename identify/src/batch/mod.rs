@@ -12,9 +12,12 @@ mod robust;
 
 use nalgebra::{DVector, Vector3};
 use raven::Result;
+use rayon::prelude::*;
 
 use covariance::Curvature;
-use gauss_newton::{jacobian, minimize};
+use gauss_newton::minimize;
+pub use gauss_newton::{Jacobian, central_difference, forward_difference};
+pub use robust::Cauchy;
 
 /// Ratio of posterior to prior deviation above which a log has not determined a quantity.
 pub const IDENTIFIED_BELOW: f64 = 0.5;
@@ -32,6 +35,14 @@ pub trait Residuals: Sync {
     /// # Errors
     /// If the model cannot be evaluated.
     fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>>;
+
+    /// Derivatives of the residuals by the unknowns in `columns`: central differences, in parallel.
+    ///
+    /// # Errors
+    /// As the residuals.
+    fn jacobian(&self, z: &DVector<f64>, columns: &[usize]) -> Result<Jacobian> {
+        columns.par_iter().map(|&k| central_difference(|z| self.residuals(z), z, k)).collect()
+    }
 
     /// The block of time of each residual, counted from 0 without holes; residuals within one may be alike.
     fn blocks(&self) -> Vec<usize>;
@@ -105,7 +116,7 @@ fn tempered(
     let mut round = 0;
     loop {
         let minimum = minimize(problem, free, *tempering, &start)?;
-        let jacobian = jacobian(problem, &minimum.z, &all)?;
+        let jacobian = problem.jacobian(&minimum.z, &all)?;
         let curvature = Curvature::new(&minimum, &jacobian, block, *tempering);
         let wanted = (*tempering * curvature.overdispersion(free)).max(1.0);
         round += 1;

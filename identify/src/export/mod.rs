@@ -46,6 +46,13 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
         write_keeping_old(&args.output, &text)?;
     }
     calibration.left_out(args.format).iter().for_each(|sentence| cli::warn(sentence));
+    if robot.joints.iter().any(|joint| joint.motor_at_hard_stop.is_some()) {
+        cli::warn(&format!(
+            "{}: once the controller loads these numbers it sets its encoders by them; remove motor_at_hard_stop from the robot file before \
+             it is used on recordings made from then on.",
+            args.identified.display()
+        ));
+    }
     Ok(Outcome::Done)
 }
 

@@ -97,7 +97,7 @@ impl<'a, const P: usize> Dual<'a, P> {
     }
 
     fn session(&mut self, number: usize, session: &Session) -> Result<()> {
-        let motion = &session.motion;
+        let motion = &self.problem.driving(session)?;
         let mut links = Links::new(self.problem, self.believed().as_slice())?;
         let mut states: Option<(f64, SquareRootUkf<6, 3>)> = None;
         for sighting in &session.sightings {
@@ -107,7 +107,7 @@ impl<'a, const P: usize> Dual<'a, P> {
                     let start = self.start(&links, motion, (last, filter.mean), now);
                     let along = |points: &mut [States]| points.par_iter_mut().for_each(|x| *x = links.follow(x, motion, last, now));
                     // The cables take back what noise did earlier than that.
-                    filter.predict_batch(along, &links.equation().noise_factor(KNOT_S.min(now - last)));
+                    filter.predict_batch(along, &links.equation().noise_factor(KNOT_S.min(now - last), &Vector3::zeros()));
                     (filter, start)
                 }
                 None => (links.at_rest(motion, now), None),

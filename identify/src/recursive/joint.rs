@@ -46,12 +46,13 @@ struct Joint<'a, const P: usize, const N: usize> {
 
 impl<const P: usize, const N: usize> Joint<'_, P, N> {
     fn session(&mut self, number: usize, session: &Session) -> Result<()> {
+        let motion = &self.problem.driving(session)?;
         let mut last = None;
         for sighting in &session.sightings {
             let now = sighting.time_s;
             match last.filter(|last| now - last <= FORGOTTEN_S) {
-                Some(last) => self.follow(&session.motion, last, now)?,
-                None => self.begin(&session.motion, now)?,
+                Some(last) => self.follow(motion, last, now)?,
+                None => self.begin(motion, now)?,
             }
             last = Some(now);
             self.correct(sighting, number)?;
@@ -85,7 +86,7 @@ impl<const P: usize, const N: usize> Joint<'_, P, N> {
         let links = Links::new(self.problem, &self.filter.mean.as_slice()[STATES..])?;
         let mut noise = SMatrix::<f64, N, N>::zeros();
         // The cables take back what noise did earlier than that.
-        noise.view_mut((0, 0), (STATES, STATES)).copy_from(&links.equation().noise_factor(KNOT_S.min(now - last)));
+        noise.view_mut((0, 0), (STATES, STATES)).copy_from(&links.equation().noise_factor(KNOT_S.min(now - last), &Vector3::zeros()));
         self.advance(|links, states| links.follow(states, motion, last, now), &noise);
         Ok(())
     }

@@ -21,6 +21,7 @@ pub use trace::{Trace, TracePoint};
 
 use crate::batch::{Estimate, Residuals};
 use crate::misfit::FALSE_CHANCE;
+use crate::parameters::Quantity;
 use crate::problem::Problem;
 
 /// How the filters share the work.
@@ -45,10 +46,18 @@ const UNKNOWNS_MAX: usize = 25;
 /// If there are too many unknowns, or the model cannot be evaluated at the outcome.
 pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> Result<(Estimate, Trace)> {
     let unknowns = problem.unknowns().len();
+    if let Some(hysteresis) =
+        problem.unknowns().iter().find(|unknown| matches!(unknown.quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_)))
+    {
+        let name = hysteresis.quantity.name();
+        return Err(Error::Argument(format!(
+            "--parameters names {name}, whose loop needs the whole log at once; take --method batch for it."
+        )));
+    }
     let run = dispatch(problem, sharing, unknowns)?;
     let posterior = run.posterior.held_at_priors(may_hold);
     let tempering = run.scatter.tempering();
-    problem.adopt_misfit(run.scatter.misfit(), &posterior.z)?;
+    problem.adopt(run.scatter.misfit(), &posterior.z)?;
     let residuals = problem.residuals(&posterior.z)?;
     let std = posterior.std(tempering);
     let estimate = Estimate { identified: posterior.identified(&std), z: posterior.z, std, residuals, scale: 1.0, tempering };

@@ -6,7 +6,6 @@
 pub mod library;
 mod model;
 mod parameter;
-mod play;
 mod tension;
 mod tip;
 mod torque;
@@ -15,7 +14,6 @@ mod view;
 pub use library::ALL;
 pub use model::{Drive, Model, MotorLaw};
 pub use parameter::{Parameter, Scale, Size};
-pub use play::lag;
 pub use tip::{Sight, TipModel};
 pub use torque::{Shaft, TorqueModel};
 pub use view::View;

@@ -36,7 +36,8 @@ impl<'a> TipModel<'a> {
     /// If the robot is no arm.
     pub fn new(model: &'a Model, recorded: &MotorTrack) -> Result<Self> {
         let arm = model.robot.arm()?;
-        let motors = model.motors(&arm, recorded);
+        let wound = model.motors(&arm, recorded);
+        let motors = arm.driving(&wound).into_owned();
         Ok(Self { model, links: LinkModel::new(arm), motors })
     }
 

@@ -1,17 +1,20 @@
 //! Square-root filters: the array unscented Kalman filter and the state equations that it runs on.
 
 mod array;
+pub mod consistency;
 mod run;
 mod smoother;
 mod srukf;
 mod states;
 mod tune;
+mod wander;
 
 pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
 pub use smoother::{Smoothed, smooth};
 pub use srukf::{Innovation, SmootherStep, SquareRootUkf};
-pub use states::{BiasStates, PaperStates, StateEquation};
+pub use states::{BiasStates, Friction, PaperStates, StateEquation};
 pub use tune::likeliest_wander;
+pub use wander::{Wander, travel};
 
 #[cfg(test)]
 mod tests;

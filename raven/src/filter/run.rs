@@ -17,15 +17,15 @@ pub struct TipAt {
     pub covariance: Matrix3<f64>,
 }
 
-/// Joint positions over time with their standard deviations.
+/// Joint positions over time with their covariances.
 #[derive(Debug, Clone, Default)]
 pub struct JointTrack {
     /// [s].
     pub time_s: Vec<f64>,
     /// [rad, rad, m].
     pub joints: Vec<Vector3<f64>>,
-    /// [rad, rad, m].
-    pub std: Vec<Vector3<f64>>,
+    /// Lower-triangular factors of the joints' covariances [rad, rad, m].
+    pub factor: Vec<Matrix3<f64>>,
 }
 
 /// What filter and smoother made of a log.
@@ -47,13 +47,24 @@ pub const KNOT_S: f64 = 5e-3;
 /// Chance that a good observation is refused by the gate.
 const GATE_REFUSES: f64 = 1e-6;
 
-/// A stretch of steady motor motion: angle [rad], velocity [rad/s], duration [s].
-type Piece = (Vector3<f64>, Vector3<f64>, f64);
+/// False tips come alone or in twos. After so many refusals in a row it is the filter that errs, and the next tip is taken in.
+pub(super) const REFUSALS_MAX: usize = 3;
+
+/// A stretch of steady motor motion.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    /// That drives the states [rad], and its velocity [rad/s].
+    driving: (Vector3<f64>, Vector3<f64>),
+    /// Velocity that the encoders saw [rad/s].
+    rate: Vector3<f64>,
+    duration_s: f64,
+}
 
 /// Runs a filter with `N` states over a log. Tips must be sorted by time; those outside the log and in its pauses are passed over.
 #[must_use]
 pub fn run<const N: usize>(equation: &impl StateEquation<N>, kinematics: &Kinematics, motor: &MotorTrack, tips: &[TipAt]) -> FilterRun {
     let mut out = FilterRun::default();
+    let driving = equation.driving(motor);
     let mut pending = tips;
     let mut start = 0;
     while start < motor.time_s.len() {
@@ -61,8 +72,8 @@ pub fn run<const N: usize>(equation: &impl StateEquation<N>, kinematics: &Kinema
         let end = pause.unwrap_or(motor.time_s.len());
         let passed = pending.partition_point(|tip| tip.time_s <= motor.time_s[start]);
         let due = pending.partition_point(|tip| tip.time_s <= motor.time_s[end - 1]);
-        Stretch::new(equation, kinematics, &motor.angle[start], motor.time_s[start]).run(
-            motor,
+        Stretch::new(equation, kinematics, &driving.angle[start], motor.time_s[start]).run(
+            [motor, &driving],
             start..end,
             &pending[passed.min(due)..due],
             &mut out,
@@ -80,6 +91,8 @@ struct Stretch<'a, const N: usize, E> {
     kinematics: &'a Kinematics,
     filter: SquareRootUkf<N, 3>,
     gate: Option<f64>,
+    /// Tips refused since the last one that was accepted.
+    refusals: usize,
     /// Motion since the last estimate.
     pieces: Vec<Piece>,
     times: Vec<f64>,
@@ -95,6 +108,7 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
             kinematics,
             filter: SquareRootUkf::new(mean, factor),
             gate: chi_square_quantile(3, 1.0 - GATE_REFUSES),
+            refusals: 0,
             pieces: Vec::new(),
             times: vec![time_s],
             filtered: vec![Smoothed { mean, factor }],
@@ -102,19 +116,25 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
         }
     }
 
-    fn run(mut self, motor: &MotorTrack, samples: std::ops::Range<usize>, tips: &[TipAt], out: &mut FilterRun) {
+    fn run(mut self, [motor, driving]: [&MotorTrack; 2], samples: std::ops::Range<usize>, tips: &[TipAt], out: &mut FilterRun) {
         let mut pending = tips.iter().peekable();
         for k in samples.start + 1..samples.end {
-            let (from, angle, now) = (motor.time_s[k - 1], &motor.angle[k - 1], motor.time_s[k]);
-            let rate = (motor.angle[k] - angle) / (now - from);
+            let (from, now) = (motor.time_s[k - 1], motor.time_s[k]);
+            let rate_of = |track: &MotorTrack| (track.angle[k] - track.angle[k - 1]) / (now - from);
+            let (rate, driving_rate) = (rate_of(motor), rate_of(driving));
+            let piece = |at: f64, to: f64| Piece {
+                driving: (driving.angle[k - 1] + driving_rate * (at - from), driving_rate),
+                rate,
+                duration_s: to - at,
+            };
             let mut at = from;
             while let Some(tip) = pending.next_if(|tip| tip.time_s <= now) {
-                self.pieces.push((angle + rate * (at - from), rate, tip.time_s - at));
+                self.pieces.push(piece(at, tip.time_s));
                 at = tip.time_s;
                 self.advance(at);
                 self.observe(tip, out);
             }
-            self.pieces.push((angle + rate * (at - from), rate, now - at));
+            self.pieces.push(piece(at, now));
             if now - self.times[self.times.len() - 1] >= KNOT_S || k + 1 == samples.end {
                 self.advance(now);
             }
@@ -125,11 +145,13 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
     }
 
     fn advance(&mut self, time_s: f64) {
-        let total: f64 = self.pieces.iter().map(|(_, _, duration)| duration).sum();
-        if total > 0.0 {
+        let total_s: f64 = self.pieces.iter().map(|piece| piece.duration_s).sum();
+        if total_s > 0.0 {
             let (equation, pieces) = (self.equation, &self.pieces);
-            let along = |x: &SVector<f64, N>| pieces.iter().fold(*x, |x, (motor, rate, step)| equation.transition(&x, motor, rate, *step));
-            self.steps.push(self.filter.predict_recorded(along, &equation.noise_factor(total)));
+            let turned: Vector3<f64> = pieces.iter().map(|piece| piece.rate.abs() * piece.duration_s).sum();
+            let step = |x, piece: &Piece| equation.transition(&x, &piece.driving.0, &piece.driving.1, piece.duration_s);
+            let along = |x: &SVector<f64, N>| pieces.iter().fold(*x, step);
+            self.steps.push(self.filter.predict_recorded(along, &equation.noise_factor(total_s, &turned)));
             self.times.push(time_s);
             self.filtered.push(Smoothed { mean: self.filter.mean, factor: self.filter.factor });
         }
@@ -139,7 +161,9 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
     fn observe(&mut self, tip: &TipAt, out: &mut FilterRun) {
         let Some(noise) = tip.covariance.cholesky() else { return };
         let (equation, kinematics) = (self.equation, self.kinematics);
-        let innovation = self.filter.update(&tip.position, |x| kinematics.forward(&equation.joints(x)), &noise.l(), self.gate);
+        let gate = self.gate.filter(|_| self.refusals < REFUSALS_MAX);
+        let innovation = self.filter.update(&tip.position, |x| kinematics.forward(&equation.joints(x)), &noise.l(), gate);
+        self.refusals = if innovation.accepted { 0 } else { self.refusals + 1 };
         out.innovations.push((tip.time_s, innovation));
         if let Some(last) = self.filtered.last_mut() {
             *last = Smoothed { mean: self.filter.mean, factor: self.filter.factor };
@@ -151,6 +175,12 @@ impl JointTrack {
     fn append<const N: usize>(&mut self, equation: &impl StateEquation<N>, times: &[f64], states: &[Smoothed<N>]) {
         self.time_s.extend(times);
         self.joints.extend(states.iter().map(|state| equation.joints(&state.mean)));
-        self.std.extend(states.iter().map(|state| Vector3::from_fn(|j, _| state.factor.row(j).norm())));
+        // The joints come first in every state, so the factor's first block is the factor of their covariance.
+        self.factor.extend(states.iter().map(|state| state.factor.fixed_view::<3, 3>(0, 0).into_owned()));
+    }
+
+    /// Standard deviations [rad, rad, m] of every estimate.
+    pub fn std(&self) -> impl Iterator<Item = Vector3<f64>> {
+        self.factor.iter().map(|factor| Vector3::from_fn(|j, _| factor.row(j).norm()))
     }
 }

@@ -3,18 +3,26 @@
 //! The motor angle is an input. With six states the stiff cables slave the joints to the motors and the camera is hardly used; a bias
 //! that may wander lets the filter doubt the transmission, and the camera then says by how much.
 
+use std::borrow::Cow;
+
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{TipAt, likeliest_wander};
-use crate::robot::{LinkModel, LinkState, MotorTrack};
+use super::wander::travel;
+use super::{TipAt, Wander, likeliest_wander};
+use crate::robot::{Arm, LinkModel, LinkState, MotorTrack};
 
 /// A state equation with `N` states driven by motor angles.
 pub trait StateEquation<const N: usize> {
     /// State after `step_s`, the motors moving steadily from `motor` [rad] at `motor_rate` [rad/s].
     fn transition(&self, state: &SVector<f64, N>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, N>;
 
-    /// Factor of the process noise that gathers in `step_s`.
-    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, N, N>;
+    /// Factor of the process noise that gathers in `step_s` while the motors turn by `turned` [rad], to and fro all counted.
+    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, N, N>;
+
+    /// Motor angles that drive [`Self::transition`], sample by sample those of `motor`.
+    fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        Cow::Borrowed(motor)
+    }
 
     /// State at rest, as the motors and the cables have it, and the factor of what is not known of it.
     fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, N>, SMatrix<f64, N, N>);
@@ -52,7 +60,7 @@ impl StateEquation<6> for PaperStates {
         next
     }
 
-    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, 6, 6> {
+    fn noise_factor(&self, step_s: f64, _turned: &Vector3<f64>) -> SMatrix<f64, 6, 6> {
         let mut factor = SMatrix::zeros();
         for j in 0..3 {
             // Velocity noise of spectral density q^2, integrated: the Cholesky factor of q^2 [T^3/3 T^2/2; T^2/2 T].
@@ -71,6 +79,10 @@ impl StateEquation<6> for PaperStates {
         let deviations = SVector::<f64, 6>::from([2e-3, 2e-3, 5e-4, 0.02, 0.02, 0.005]);
         (mean, SMatrix::from_diagonal(&deviations))
     }
+
+    fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        self.model.arm().driving(motor)
+    }
 }
 
 /// `x: 9x1`, the paper's six and a transmission bias per joint [rad, rad, m]: the joint sits where the cables would hold it, plus bias.
@@ -78,20 +90,46 @@ impl StateEquation<6> for PaperStates {
 pub struct BiasStates {
     /// The six.
     pub paper: PaperStates,
-    /// How fast the bias may wander [rad, rad, m per sqrt(s)].
-    pub bias_noise: Vector3<f64>,
+    /// How friction holds.
+    pub friction: Friction,
+    /// How the bias may wander.
+    pub wander: Wander,
     /// What the bias may be at the start [rad, rad, m].
     pub bias_initial: Vector3<f64>,
 }
 
+/// How Coulomb friction holds a joint whose motor stands still.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Friction {
+    /// It gives way slowly, as friction that fades at low speed does.
+    Creeping,
+    /// It holds: with the cable's elasticity it makes play.
+    Holding,
+}
+
+/// Size of bias that such transmissions show: 1 deg, 2 mm.
+const BIAS_INITIAL: [f64; 3] = [0.02, 0.02, 2e-3];
+
 impl BiasStates {
-    /// With a bias of the size that such transmissions show (1 deg, 2 mm), wandering as fast as the log's own tips say it does; where
-    /// they are too few to say, by as much again over some ten seconds.
+    /// With a bias that wanders as `wander` says.
     #[must_use]
-    pub fn new(model: LinkModel, motor: &MotorTrack, tips: &[TipAt]) -> Self {
-        let bias_initial = Vector3::new(0.02, 0.02, 2e-3);
-        let wander = likeliest_wander(&model, motor, tips, &bias_initial);
-        Self { paper: PaperStates::new(model), bias_noise: wander.unwrap_or_else(|| bias_initial / 10.0_f64.sqrt()), bias_initial }
+    pub fn new(mut arm: Arm, friction: Friction, wander: Wander) -> Self {
+        arm.link_friction.iter_mut().for_each(|of_joint| of_joint.holds = friction == Friction::Holding);
+        Self { paper: PaperStates::new(LinkModel::new(arm)), friction, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
+    }
+
+    /// With the friction and the wander under which the log's own tips are likeliest; where they are too few to say, with friction that
+    /// holds and a bias that wanders by as much as it may be at the start over some ten seconds.
+    #[must_use]
+    pub fn tuned(arm: &Arm, motor: &MotorTrack, tips: &[TipAt]) -> Self {
+        let untuned = Wander::over_time(Vector3::from(BIAS_INITIAL) / 10.0_f64.sqrt());
+        let of_friction = |friction| {
+            let states = Self::new(arm.clone(), friction, untuned);
+            let (wander, unlikeliness) = likeliest_wander(&states.paper.model, motor, &states.driving(motor), tips, &states.bias_initial)?;
+            Some((unlikeliness, Self { wander, ..states }))
+        };
+        let likelier = [Friction::Holding, Friction::Creeping].into_iter().filter_map(of_friction).min_by(|a, b| a.0.total_cmp(&b.0));
+        likelier.map_or_else(|| Self::new(arm.clone(), Friction::Holding, untuned), |(_, states)| states)
     }
 }
 
@@ -107,12 +145,17 @@ impl StateEquation<9> for BiasStates {
         next
     }
 
-    fn noise_factor(&self, step_s: f64) -> SMatrix<f64, 9, 9> {
+    fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        self.paper.driving(motor)
+    }
+
+    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, 9, 9> {
         let mut factor = SMatrix::<f64, 9, 9>::zeros();
-        factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.paper.noise_factor(step_s));
+        factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.paper.noise_factor(step_s, turned));
+        let variance = self.wander.variance(step_s, &travel(&self.paper.model.arm().transmission, turned));
         for j in 0..3 {
             // A bias that moves carries the joint with it.
-            let wander = self.bias_noise[j] * step_s.sqrt();
+            let wander = variance[j].sqrt();
             factor[(6 + j, 6 + j)] = wander;
             factor[(j, 6 + j)] = wander;
         }

@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::robot::{LinkModel, MotorTrack, nominal};
+use crate::robot::{LinkModel, nominal};
 
 /// Two coupled masses of which only the first position is seen; the noise enters all states together.
 fn two_masses() -> (Matrix4<f64>, Matrix4<f64>, SMatrix<f64, 1, 4>) {
@@ -161,10 +161,11 @@ fn refuses_what_is_not_finite_or_beyond_the_gate() {
 }
 
 #[test]
-fn noise_of_the_state_equations_adds_up_over_time() {
-    let states = BiasStates::new(LinkModel::new(nominal::gold().arm().unwrap()), &MotorTrack::default(), &[]);
+fn noise_of_the_state_equations_adds_up_over_time_and_travel() {
+    let wander = Wander { with_time: Vector3::new(1e-3, 2e-3, 1e-4), with_travel: Vector3::new(2e-3, 1e-3, 2e-4) };
+    let states = BiasStates::new(nominal::gold().arm().unwrap(), Friction::Holding, wander);
     let q = |t: f64| {
-        let factor = states.noise_factor(t);
+        let factor = states.noise_factor(t, &Vector3::new(30.0 * t, 20.0 * t, 50.0 * t));
         factor * factor.transpose()
     };
     // Velocity and bias noise over two steps: carried by the kinematics x += v t.
@@ -186,4 +187,53 @@ fn at_rest_the_filter_stays_where_the_cables_hold_the_links() {
         state = states.transition(&state, &motor, &Vector3::zeros(), 1e-3);
     }
     assert_relative_eq!(states.joints(&state), states.joints(&mean), epsilon = 1e-5);
+}
+
+/// Mean normalised square of a filter's error, over robots that move, wander and are seen as the filter believes.
+fn mean_nees<const N: usize>(
+    equation: &impl StateEquation<N>,
+    kinematics: &crate::robot::Kinematics,
+    motor: Vector3<f64>,
+    runs: u64,
+) -> f64 {
+    const STEP_S: f64 = 5e-3;
+    let rate = Vector3::new(20.0, -15.0, 25.0);
+    let seen = nalgebra::Matrix3::from_diagonal(&Vector3::new(1e-4, 1.5e-3, 1e-4));
+    let mut sum = 0.0;
+    for seed in 0..runs {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let (mean, factor) = equation.initial(&motor);
+        let mut truth = mean + factor * SVector::<f64, N>::from_fn(|_, _| normal());
+        let mut filter = SquareRootUkf::<N, 3>::new(mean, factor);
+        let noise = equation.noise_factor(STEP_S, &(rate.abs() * STEP_S));
+        for k in 0..300 {
+            let at = motor + rate * (f64::from(k) * STEP_S);
+            truth = equation.transition(&truth, &at, &rate, STEP_S) + noise * SVector::<f64, N>::from_fn(|_, _| normal());
+            filter.predict(|x| equation.transition(x, &at, &rate, STEP_S), &noise);
+            if k % 13 == 12 {
+                let tip = kinematics.forward(&equation.joints(&truth)) + seen * Vector3::from_fn(|_, _| normal());
+                filter.update(&tip, |x| kinematics.forward(&equation.joints(x)), &seen, None);
+            }
+        }
+        let error = filter.factor.solve_lower_triangular(&(truth - filter.mean)).unwrap();
+        sum += error.norm_squared();
+    }
+    sum / runs as f64
+}
+
+#[test]
+fn claimed_deviations_hold_when_the_robot_is_as_believed() {
+    let arm = nominal::gold().arm().unwrap();
+    let (kinematics, motor) = (arm.kinematics, arm.transmission.motor_from_joint(&Vector3::new(0.6, 1.5, 0.35)));
+    let wander = Wander { with_time: Vector3::new(2e-3, 2e-3, 2e-4), with_travel: Vector3::new(4e-3, 4e-3, 2e-3) };
+    let runs = 60;
+    // Three standard deviations of the mean of as many chi-squares.
+    let band = |states: f64| 3.0 * (2.0 * states / runs as f64).sqrt();
+    let six = mean_nees(&PaperStates::new(LinkModel::new(arm.clone())), &kinematics, motor, runs);
+    assert!((six - 6.0).abs() < band(6.0), "six states: {six:.2}");
+    for friction in [Friction::Holding, Friction::Creeping] {
+        let nine = mean_nees(&BiasStates::new(arm.clone(), friction, wander), &kinematics, motor, runs);
+        assert!((nine - 9.0).abs() < band(9.0), "nine states: {nine:.2}");
+    }
 }

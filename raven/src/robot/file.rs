@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::{Cable, Kinematics, Link};
+use super::{Cable, Hysteresis, Kinematics, Link};
 use crate::{Error, Result, files};
 
 /// One robot: the whole parameter file.
@@ -117,6 +117,9 @@ pub struct Joint {
     /// Cable.
     #[serde(default)]
     pub cable: Option<Cable>,
+    /// Rate-independent hysteresis of the cable.
+    #[serde(default)]
+    pub hysteresis: Hysteresis,
     /// Motor.
     #[serde(default)]
     pub motor: Option<Motor>,
@@ -165,6 +168,9 @@ pub struct ViscousCoulomb {
     /// Coulomb friction per force that the cable exerts on the joint [1].
     #[serde(default)]
     pub per_load: f64,
+    /// Whether Coulomb friction holds a joint whose motor stands still, as against giving way slowly.
+    #[serde(default)]
+    pub holds: bool,
 }
 
 /// One entry of the cable coupling: `q_to += coefficient * q_from`, as cable travel at the joint.
@@ -388,6 +394,8 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
         within(&key("cable.exponent_length"), cable.exponent_length, [1e-6, 10.0], "m", "millimetres")?;
         within(&key("cable.slack"), cable.slack, [0.0, 0.1], "m", "millimetres")?;
     }
+    within(&key("hysteresis.half_loop"), joint.hysteresis.half_loop, [-0.2, 0.2], unit, meant)?;
+    within(&key("hysteresis.length"), joint.hysteresis.length, [1e-5, 1.0], unit, meant)?;
     if let Some(motor) = joint.motor {
         within(&key("motor.inertia"), motor.inertia, [1e-9, 1e4], "kg m^2", "g cm^2")?;
         within(&key("motor.coulomb_friction"), motor.coulomb_friction, [0.0, 1e4], "N m", "another unit")?;

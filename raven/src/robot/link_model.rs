@@ -86,13 +86,13 @@ impl LinkModel {
     #[must_use]
     pub fn friction(&self, rate: &Vector3<f64>, tension_n: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|j, _| {
-            self.dry_friction(j, tension_n[j]) * (rate[j] / STICTION_SPEED[j]).tanh() + self.arm.link_friction[j].viscous * rate[j]
+            self.creeping_n(j, tension_n[j]) * (rate[j] / STICTION_SPEED[j]).tanh() + self.arm.link_friction[j].viscous * rate[j]
         })
     }
 
-    fn dry_friction(&self, j: usize, tension_n: f64) -> f64 {
-        let friction = &self.arm.link_friction[j];
-        friction.coulomb + friction.per_load * (tension_n * self.arm.transmission.link_radius_m[j]).abs()
+    /// Coulomb friction that stands in the equations of motion [N m or N]; friction that holds is in what drives them.
+    fn creeping_n(&self, j: usize, tension_n: f64) -> f64 {
+        if self.arm.link_friction[j].holds { 0.0 } else { self.arm.dry_friction_n(j, tension_n) }
     }
 
     /// One Runge-Kutta step of order four over `step_s`, the motors moving steadily from `motor` at `motor_rate`.
@@ -137,7 +137,7 @@ impl LinkModel {
         let mut joint = rigid;
         let mut tension = Vector3::zeros();
         for _ in 0..2 {
-            let drag = Vector3::from_fn(|j, _| self.dry_friction(j, tension[j]) * direction[j]);
+            let drag = Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j]);
             let load = self.arm.dynamics.bias(&joint, &Vector3::zeros()) + drag;
             tension = self.arm.transmission.tension_n(&load);
             let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]));
@@ -157,7 +157,8 @@ fn fastest_pole(arm: &Arm) -> f64 {
     (0..3)
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
-            let damping = 2.0 * arm.cables[j].damping * radius2 + arm.link_friction[j].coulomb / STICTION_SPEED[j];
+            let damping = 2.0 * arm.cables[j].damping * radius2
+                + if arm.link_friction[j].holds { 0.0 } else { arm.link_friction[j].coulomb / STICTION_SPEED[j] };
             let stiffness = 2.0 * arm.cables[j].stiffness * radius2;
             let (rate, square) = (damping / inertia[(j, j)], stiffness / inertia[(j, j)]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.

@@ -3,10 +3,12 @@
 mod cable;
 mod dynamics;
 mod file;
+mod hysteresis;
 mod kinematics;
 mod link_model;
 pub mod nominal;
 mod rollout;
+pub mod stiction;
 mod transmission;
 mod write;
 
@@ -16,6 +18,7 @@ pub use file::{
     Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, Provenance, Robot, Source, SourceFormat, Tolerances,
     ViscousCoulomb,
 };
+pub use hysteresis::Hysteresis;
 pub use kinematics::{ArmSide, Branch, Kinematics};
 pub use link_model::{LinkModel, LinkState, STICTION_SPEED};
 pub use rollout::{MotorTrack, PAUSE_MAX_S};
@@ -40,8 +43,19 @@ pub struct Arm {
     pub dynamics: LinkDynamics,
     /// Range of each joint, rad or m.
     pub limits: [[f64; 2]; 3],
+    /// Hysteresis of each cable.
+    pub hysteresis: [Hysteresis; 3],
     /// Joint angles at which the encoders are set, rad, rad, m.
     pub hard_stop: nalgebra::Vector3<f64>,
+}
+
+impl Arm {
+    /// Dry friction of a joint [N m or N] whose cable pulls with a tension difference [N].
+    #[must_use]
+    pub fn dry_friction_n(&self, j: usize, tension_n: f64) -> f64 {
+        let friction = &self.link_friction[j];
+        friction.coulomb + friction.per_load * (tension_n * self.transmission.link_radius_m[j]).abs()
+    }
 }
 
 impl Robot {
@@ -78,6 +92,7 @@ impl Robot {
             link_friction,
             dynamics: LinkDynamics::new(*kinematics, links, kinematics.gravity()).with_payload(self.payload),
             limits,
+            hysteresis: std::array::from_fn(|j| joints[j].hysteresis),
             hard_stop: nalgebra::Vector3::from_fn(|j, _| joints[j].hard_stop),
         })
     }
@@ -141,6 +156,8 @@ impl Robot {
                     ["motor_capstan_radius"] => Some(&mut joint.motor_capstan_radius),
                     ["link_pulley_radius"] => Some(&mut joint.link_pulley_radius),
                     ["hard_stop"] => Some(&mut joint.hard_stop),
+                    ["hysteresis", "half_loop"] => Some(&mut joint.hysteresis.half_loop),
+                    ["hysteresis", "length"] => Some(&mut joint.hysteresis.length),
                     ["cable", "stiffness"] => joint.cable.as_mut().map(|c| &mut c.stiffness),
                     ["cable", "damping"] => joint.cable.as_mut().map(|c| &mut c.damping),
                     ["motor", "inertia"] => joint.motor.as_mut().map(|m| &mut m.inertia),

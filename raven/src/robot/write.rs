@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::{Joint, JointType, KinematicsKind, Observation, Provenance, Robot, SourceFormat};
+use super::{Hysteresis, Joint, JointType, KinematicsKind, Observation, Provenance, Robot, SourceFormat};
 use crate::files::{self, yaml_float, yaml_list as list, yaml_string};
 use crate::{Result, robot::ArmSide};
 
@@ -129,6 +129,10 @@ fn joint_yaml(joint: &Joint) -> String {
     if let Some(motor) = joint.motor_at_hard_stop {
         key("motor_at_hard_stop", motor);
     }
+    if joint.hysteresis != Hysteresis::default() {
+        let Hysteresis { half_loop, length } = joint.hysteresis;
+        let _ = write!(text, "\n    hysteresis: {{half_loop: {}, length: {}}}", yaml_float(half_loop), yaml_float(length));
+    }
     if let Some(limits) = joint.limits {
         let _ = write!(text, "\n    limits: {}", list(&limits));
     }
@@ -141,8 +145,10 @@ fn joint_yaml(joint: &Joint) -> String {
         let _ = write!(text, "\n    motor: {{inertia: {inertia}, coulomb_friction: {coulomb}, viscous_friction: {viscous}}}");
     }
     if let Some(f) = joint.link_friction {
+        let holds = if f.holds { ", holds: true" } else { "" };
         let more = departure(("per_load", f.per_load, 0.0));
-        let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{more}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
+        let _ =
+            write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{more}{holds}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
     }
     text
 }

@@ -23,7 +23,7 @@ mod truth;
 pub use controller::{CYCLE_S, Controller, Cycle, SetPoint};
 pub use effect::{Effect, EffectKind, Scope, Value};
 pub use machine::{Drive, Load, Machine};
-pub use motion::{Limits, Motion, Trajectory};
+pub use motion::{Limits, Motion, Trajectory, minimum_jerk};
 pub use plant::{Plant, PlantState, STEP_S};
 pub use render::{Board, Canvas, Renderer, Sensor, Tool};
 pub use rig::Rig;

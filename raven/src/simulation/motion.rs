@@ -231,7 +231,8 @@ fn multisine(range: &Range, rng: &mut impl Rng) -> Vec<Line> {
 }
 
 /// Position and velocity of a move of minimum jerk from 0 to 1 over unit time (Flash, Hogan 1985).
-fn minimum_jerk(time: f64) -> (f64, f64) {
+#[must_use]
+pub fn minimum_jerk(time: f64) -> (f64, f64) {
     let t = time.clamp(0.0, 1.0);
     (t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t))
 }

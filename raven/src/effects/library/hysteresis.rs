@@ -1,7 +1,7 @@
 //! Rate-independent play between capstan and cable: a loop after every reversal, whatever the load.
 
-use super::super::lag;
 use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use crate::robot::Hysteresis;
 
 /// hysteresis.
 pub const EFFECT: Effect = Effect {
@@ -17,12 +17,7 @@ pub const EFFECT: Effect = Effect {
     ties: &[Tie { id: "backlash", exact: false }, Tie { id: "link-coulomb-friction", exact: false }],
     separated_by: "reversals at many amplitudes, loaded and unloaded",
     act: |model, place, values| {
-        let (j, half) = (place.first, values[0]);
-        let length = values[1] * half;
-        model.motors.push(Box::new(move |arm, track| {
-            let ratio = arm.transmission.ratio[j];
-            let lag = lag(track.angle.iter().map(|angle| angle[j] / ratio), half, length);
-            track.angle.iter_mut().zip(lag).for_each(|(angle, lag)| angle[j] -= ratio * lag);
-        }));
+        let hysteresis = &mut model.robot.joints[place.first].hysteresis;
+        *hysteresis = Hysteresis { half_loop: hysteresis.half_loop + values[0], length: values[1] * values[0] };
     },
 };

@@ -144,12 +144,3 @@ fn between_samples_the_joints_move_smoothly() {
     assert_relative_eq!(trace.joint_at(1.2345), middle, epsilon = 1e-6);
     assert_eq!(trace.joint_at(-1.0), trace.samples()[0].joint);
 }
-#[test]
-fn speed() {
-    let robot = nominal::gold();
-    let limits = robot.arm().unwrap().limits;
-    let path = Trajectory::of(Motion::Sinusoid, 20.0, &limits, Vector3::zeros(), &mut rng(1));
-    let start = std::time::Instant::now();
-    session(&robot, &[], &path, 20.0);
-    eprintln!("{} s/s", 23.5 / start.elapsed().as_secs_f64());
-}

@@ -1,0 +1,55 @@
+//! The proposed motion as a file, and that it does what it is for.
+
+use std::path::Path;
+
+use clap::Parser;
+use raven::robot::nominal;
+use raven_identify::{Args, run};
+
+fn excite(folder: &Path, more: &[&str]) -> String {
+    let robot = folder.join("robot.yaml");
+    nominal::gold().write(&robot).unwrap();
+    let line = ["raven-identify", "excite", "--duration", "12", "--robot"].iter().map(|s| (*s).into());
+    let line = line.chain([robot.into_os_string()]).chain(more.iter().map(|s| (*s).into()));
+    let mut out = Vec::new();
+    run(Args::try_parse_from(line).unwrap(), &mut out).unwrap();
+    String::from_utf8(out).unwrap()
+}
+
+/// Expected ratios of a parameter: sinusoid, proposal, fast cameras, joint encoders.
+fn ratios(report: &str, name: &str) -> Vec<f64> {
+    let line = report.lines().find(|l| l.starts_with(&format!("{name} "))).unwrap();
+    line.split_whitespace().skip(1).take(4).map(|v| v.parse().unwrap()).collect()
+}
+
+#[test]
+fn the_proposal_knows_more_of_damping_than_the_sinusoid_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("motion.csv");
+    let report = excite(folder.path(), &["--parameters", "k_e2,b_e1,b_e2", "-o", csv.to_str().unwrap()]);
+    let [sinusoid, proposal, faster, encoders] = ratios(&report, "b_e2")[..] else { panic!("{report}") };
+    assert!(sinusoid > 0.8 && proposal < 0.5 && faster < proposal && encoders < 0.05, "{report}");
+    assert!(report.contains("b_e1 is not identified by cameras of 15 Hz"), "{report}");
+
+    let text = std::fs::read_to_string(&csv).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("time_s,shoulder_rad,elbow_rad,insertion_m"));
+    let limits = nominal::gold().arm().unwrap().limits;
+    let rows: Vec<Vec<f64>> = lines.map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+    for (i, row) in rows.iter().enumerate() {
+        assert!((row[0] - i as f64 * 1e-3).abs() < 1e-9);
+        for (j, [low, high]) in limits.iter().enumerate() {
+            assert!((*low..=*high).contains(&row[j + 1]), "joint {j} at {} after {} s", row[j + 1], row[0]);
+        }
+    }
+    assert!((rows.last().unwrap()[0] - 12.0).abs() < 0.2, "12 s were asked for");
+}
+
+#[test]
+fn the_table_has_every_unknown_and_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = excite(folder.path(), &["--parameters", "r_l1,b_e1", "--table"]);
+    assert!(table.starts_with("| parameter | unit | sinusoid | fls | rich | proposal |"), "{table}");
+    assert_eq!(table.lines().count(), 2 + 2 + 6, "{table}");
+    assert!(table.contains("| `b_e1` | % |"), "{table}");
+}

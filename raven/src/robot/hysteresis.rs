@@ -1,0 +1,107 @@
+//! Rate-independent hysteresis between capstan and cable: the cable's end lags behind the capstan by up to `h`, whatever the load.
+//!
+//! ```text
+//! dz / d|x| = (h sign(dx) - z) / l
+//! ```
+//!
+//! The lag `z` approaches `h` after each reversal over a travel of some `l`; a sharp play has its whole lag after `2 h` (Dahl 1968 with
+//! exponent one; the Duhem class in Visintin, Differential Models of Hysteresis, 1994).
+
+use std::borrow::Cow;
+
+use nalgebra::Vector3;
+
+use serde::Deserialize;
+
+use super::stiction::{behind_play, has_play};
+use super::{Arm, MotorTrack, PAUSE_MAX_S};
+
+/// Hysteresis of one cable, at its joint [rad or m].
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hysteresis {
+    /// `h`: half the loop.
+    pub half_loop: f64,
+    /// `l`: travel over which the lag turns after a reversal.
+    #[serde(default = "usual_length")]
+    pub length: f64,
+}
+
+/// A centimetre, or a hundredth of a radian: between a sharp play and cables that rub along their way.
+fn usual_length() -> f64 {
+    0.01
+}
+
+impl Default for Hysteresis {
+    /// None.
+    fn default() -> Self {
+        Self { half_loop: 0.0, length: usual_length() }
+    }
+}
+
+impl Arm {
+    /// The motors' motion as it drives the links: behind the hysteresis of each cable, and behind the [play](super::stiction) of friction
+    /// that holds. After a pause there is no lag, as at the start.
+    #[must_use]
+    pub fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        let wound = if self.hysteresis.iter().all(|h| h.half_loop == 0.0) { Cow::Borrowed(motor) } else { Cow::Owned(self.wound(motor)) };
+        if has_play(self) { Cow::Owned(behind_play(self, &wound)) } else { wound }
+    }
+
+    fn wound(&self, motor: &MotorTrack) -> MotorTrack {
+        let per_joint = |of: fn(&Hysteresis) -> f64| Vector3::from_fn(|j, _| of(&self.hysteresis[j]) * self.transmission.ratio[j]);
+        let (half_rad, length_rad) = (per_joint(|h| h.half_loop), per_joint(|h| h.length));
+        let mut lag = Vector3::zeros();
+        let mut last: Option<(f64, Vector3<f64>)> = None;
+        let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
+            match last.filter(|(before_s, _)| time_s - before_s <= PAUSE_MAX_S) {
+                Some((_, before)) => lag = Vector3::from_fn(|j, _| lagging(lag[j], half_rad[j], length_rad[j], angle[j] - before[j])),
+                None => lag = Vector3::zeros(),
+            }
+            last = Some((time_s, *angle));
+            angle - lag
+        });
+        MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
+    }
+}
+
+/// Lag after a travel, exactly.
+fn lagging(lag: f64, half: f64, length: f64, travel: f64) -> f64 {
+    if travel == 0.0 || half == 0.0 {
+        return lag;
+    }
+    let target = half * travel.signum();
+    target + (lag - target) * (-(travel / length).abs()).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::nominal;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn the_loop_is_twice_the_half_loop_at_any_speed() {
+        let mut arm = nominal::gold().arm().unwrap();
+        arm.hysteresis[1] = Hysteresis { half_loop: 0.01, length: 0.01 };
+        arm.hysteresis[2] = Hysteresis { half_loop: 0.001, length: 0.004 };
+        let ratio = arm.transmission.ratio;
+        let back_and_forth = |step: f64| {
+            let up = (0..=(0.3 / step) as usize).map(|k| k as f64 * step);
+            let positions: Vec<f64> = up.clone().chain(up.clone().rev().skip(1)).collect();
+            let time_s = (0..positions.len()).map(|k| k as f64 * 1e-3).collect();
+            let motor = MotorTrack { angle: positions.iter().map(|&q| ratio * q).collect(), time_s };
+            let driving = arm.driving(&motor);
+            // The middle on the way up and on the way down.
+            let at = |k: usize| driving.angle[k].component_div(&ratio) - motor.angle[k].component_div(&ratio);
+            let (up, down) = (positions.len() / 4, positions.len() - 1 - positions.len() / 4);
+            at(down) - at(up)
+        };
+        for step in [1e-4, 1e-3] {
+            let width = back_and_forth(step);
+            assert_eq!(width[0], 0.0);
+            assert_relative_eq!(width[1], 0.02, epsilon = 2e-5);
+            assert_relative_eq!(width[2], 0.002, epsilon = 2e-6);
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Friction on a soft cable is play: the joint rests until its cable has been wound by enough to pull it free.
+//!
+//! ```text
+//! h = F_c / (2 k_e r_l^2)      turn of the joint by which its cable stretches to overcome Coulomb friction [rad or m]
+//! q follows where the cables would have it, q_e, with play h:  q_e - h <= q <= q_e + h
+//! ```
+//!
+//! At the speeds of surgery the links' inertia does not matter, so a joint behind a spring with Coulomb friction is where a free joint
+//! would be if the motors had wound no more than that. The play is the joint's and not the cable's: a motor that makes up for another
+//! joint's motion moves nothing, and a load that changes has to overcome friction too. Unlike friction that is smoothed around rest, play does not creep while the robot holds still. Source of
+//! the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
+
+use nalgebra::Vector3;
+
+use super::{Arm, MotorTrack, PAUSE_MAX_S};
+
+/// Time between two looks at the load [s]: no motion here changes it within.
+const LOAD_S: f64 = 0.01;
+
+/// Whether holding Coulomb friction makes a play of any joint.
+#[must_use]
+pub fn has_play(arm: &Arm) -> bool {
+    arm.link_friction.iter().any(|friction| friction.holds && (friction.coulomb > 0.0 || friction.per_load > 0.0))
+}
+
+/// The motors that would move free joints as these motors move joints with play. After a pause the play is in its middle, as at the start.
+#[must_use]
+pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
+    let transmission = &arm.transmission;
+    let (mut follower, mut held) = (Vector3::zeros(), Held::default());
+    let (mut last_s, mut weighed_s) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+    let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
+        let rigid = transmission.joint_from_motor(angle);
+        if time_s - weighed_s > LOAD_S {
+            weighed_s = time_s;
+            held = Held::at(arm, &rigid);
+        }
+        let wanted = rigid - held.sag;
+        if time_s - last_s > PAUSE_MAX_S {
+            follower = wanted;
+        }
+        last_s = time_s;
+        follower = follower.zip_zip_map(&wanted, &held.half, |q: f64, wanted, half| q.clamp(wanted - half, wanted + half));
+        transmission.motor_from_joint(&(follower + held.sag))
+    });
+    MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
+}
+
+/// Joints at rest in one pose.
+#[derive(Debug, Default)]
+struct Held {
+    /// By how much gravity keeps the joints from where rigid cables would have them [rad, rad, m].
+    sag: Vector3<f64>,
+    /// Half the play of each joint [rad, rad, m].
+    half: Vector3<f64>,
+}
+
+impl Held {
+    fn at(arm: &Arm, rigid: &Vector3<f64>) -> Self {
+        let tension = arm.transmission.tension_n(&arm.dynamics.bias(rigid, &Vector3::zeros()));
+        let sag = arm.transmission.joint_lag(&Vector3::from_fn(|j, _| arm.cables[j].static_stretch_m(tension[j])));
+        let half = Vector3::from_fn(|j, _| {
+            let radius_m = arm.transmission.link_radius_m[j];
+            let half = arm.cables[j].static_stretch_m(arm.dry_friction_n(j, tension[j]) / radius_m) / radius_m;
+            if arm.link_friction[j].holds && half.is_finite() { half } else { 0.0 }
+        });
+        Self { sag, half }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{LinkModel, nominal};
+
+    /// The elbow driven slowly up, down and up again: the rubbing model against the frictionless one behind play.
+    #[test]
+    fn a_rubbing_joint_moves_as_a_free_one_behind_play() {
+        let mut arm = nominal::gold().arm().unwrap();
+        arm.cables[1].stiffness = 14_000.0;
+        let middle = Vector3::new(0.8, 1.5, 0.35);
+        let time_s: Vec<f64> = (0..12_000).map(|k| f64::from(k) * 1e-3).collect();
+        let wanted = |t: f64| middle + Vector3::y() * 0.3 * (t * 1.5).sin();
+        let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&wanted(t))).collect(), time_s };
+        let times: Vec<f64> = (2..119).map(|k| f64::from(k) * 0.1).collect();
+        let rubbing = LinkModel::new(arm.clone()).rollout(&motor, &times);
+        let mut holding = arm.clone();
+        holding.link_friction.iter_mut().for_each(|friction| friction.holds = true);
+        let free = LinkModel::new(holding.clone()).rollout(&holding.driving(&motor), &times);
+        let unaided = LinkModel::new(holding).rollout(&motor, &times);
+        let miss = |model: &[Option<crate::robot::LinkState>]| {
+            let pairs = model.iter().zip(&rubbing).map(|(a, b)| a.unwrap().position[1] - b.unwrap().position[1]);
+            crate::stats::rms(&pairs.collect::<Vec<_>>()).unwrap()
+        };
+        assert!(miss(&free) < 0.2 * miss(&unaided), "{} of {}", miss(&free), miss(&unaided));
+    }
+
+    /// An arm whose elbow has a play of 0.1 rad on either side.
+    fn with_play() -> Arm {
+        let mut arm = nominal::gold().arm().unwrap();
+        arm.link_friction[1].holds = true;
+        arm.cables.iter_mut().for_each(|cable| cable.stiffness *= 1e6);
+        let radius_m = arm.transmission.link_radius_m[1];
+        arm.link_friction[1].coulomb = arm.cables[1].force(0.1 * radius_m, 0.0) * radius_m;
+        arm
+    }
+
+    fn joints_behind_play(arm: &Arm, wanted: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let transmission = &arm.transmission;
+        let motor = MotorTrack {
+            time_s: (0..wanted.len()).map(|k| k as f64 * 0.1).collect(),
+            angle: wanted.iter().map(|joint| transmission.motor_from_joint(joint)).collect(),
+        };
+        behind_play(arm, &motor).angle.iter().map(|angle| transmission.joint_from_motor(angle)).collect()
+    }
+
+    #[test]
+    fn nothing_moves_within_the_play_and_all_of_it_beyond() {
+        let wanted = [1.0, 1.09, 1.2, 1.15, 1.05, 0.9, 0.9].map(|q| Vector3::new(0.5, q, 0.4));
+        let played: Vec<f64> = joints_behind_play(&with_play(), &wanted).iter().map(|joint| joint[1]).collect();
+        for (found, expected) in played.iter().zip([1.0, 1.0, 1.1, 1.1, 1.1, 1.0, 1.0]) {
+            approx::assert_relative_eq!(*found, expected, epsilon = 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_motor_that_makes_up_for_another_joint_moves_nothing() {
+        // The elbow's motor turns by the coupling while the shoulder moves, and the elbow stays.
+        let wanted: Vec<_> = (0..50).map(|k| Vector3::new(0.2 + 0.02 * f64::from(k), 1.5, 0.4)).collect();
+        let played = joints_behind_play(&with_play(), &wanted);
+        assert!(played.iter().all(|joint| (joint[1] - 1.5).abs() < 1e-9));
+    }
+}

@@ -1,0 +1,111 @@
+//! The programs one after the other, in one process, with the commands a lab would type.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+
+use clap::Parser;
+use raven::cli::Outcome;
+use raven::{Error, Result};
+
+/// One program of the chain, with its arguments as they would be typed.
+pub type Program = fn(&[String], &mut dyn Write) -> Result<Outcome>;
+
+/// Runs the steps one after the other and keeps what they printed.
+pub struct Chain<'a> {
+    folder: &'a Path,
+    out: &'a mut dyn Write,
+    /// Commands and what they printed.
+    pub transcript: String,
+}
+
+impl<'a> Chain<'a> {
+    /// A chain that works in `folder` and prints to `out`.
+    pub fn new(folder: &'a Path, out: &'a mut dyn Write) -> Self {
+        Self { folder, out, transcript: String::new() }
+    }
+
+    /// Runs a program; `{name}` in its arguments is the file `name` in the chain's folder.
+    ///
+    /// # Errors
+    /// If the program fails or its output cannot be written.
+    pub fn step(&mut self, name: &str, program: Program, arguments: &str) -> Result<()> {
+        let typed = self.typed(name, arguments);
+        let shown: Vec<String> = typed.iter().map(|w| if w.contains(' ') { format!("'{w}'") } else { w.clone() }).collect();
+        self.say(&format!("$ {}", shown.join(" ")))?;
+        let mut printed = Vec::new();
+        program(&typed, &mut printed)?;
+        self.say(&String::from_utf8_lossy(&printed))
+    }
+
+    /// The words of a command as they are typed.
+    #[must_use]
+    pub fn typed(&self, name: &str, arguments: &str) -> Vec<String> {
+        let expand = |word: &str| match word.strip_prefix('{').and_then(|w| w.strip_suffix('}')) {
+            Some(file) => self.folder.join(file).display().to_string(),
+            None => word.to_owned(),
+        };
+        [name.to_owned()].into_iter().chain(arguments.split_whitespace().map(expand)).collect()
+    }
+
+    /// Prints a line and keeps it.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn say(&mut self, text: &str) -> Result<()> {
+        let _ = writeln!(self.transcript, "{text}");
+        writeln!(self.out, "{text}").map_err(|e| Error::io(Path::new("standard output"), "write", e))
+    }
+}
+
+fn parse<A: Parser>(typed: &[String]) -> Result<A> {
+    A::try_parse_from(typed).map_err(|e| Error::Argument(e.to_string()))
+}
+
+/// `raven-capture`.
+///
+/// # Errors
+/// Its own.
+pub fn capture(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_capture::run(parse(typed)?, out)
+}
+
+/// `raven-calibrate`.
+///
+/// # Errors
+/// Its own.
+pub fn calibrate(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_calibrate::run(parse(typed)?, out)
+}
+
+/// `raven-track`.
+///
+/// # Errors
+/// Its own.
+pub fn track(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_track::run(parse(typed)?, out)
+}
+
+/// `raven-identify`.
+///
+/// # Errors
+/// Its own.
+pub fn identify(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_identify::run(parse(typed)?, out)
+}
+
+/// `raven-replay`.
+///
+/// # Errors
+/// Its own.
+pub fn replay(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    crate::run(parse(typed)?, out)
+}
+
+/// `raven-diagnose`.
+///
+/// # Errors
+/// Its own.
+pub fn diagnose(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
+    raven_diagnose::run(parse(typed)?, out)
+}
