@@ -2,7 +2,10 @@ use raven::log::Recording;
 use raven::robot::Robot;
 use raven_diagnose::evidence::{coordinates::Coordinates, data::Data, rows::Rows, search::Search};
 fn main() {
-    let robot = Robot::read("/work/shared/robot/raven2-gold.yaml".as_ref()).unwrap();
+    let mut robot = Robot::read("/work/shared/robot/raven2-gold.yaml".as_ref()).unwrap();
+    if std::env::var("HOLDS").is_ok() {
+        robot.joints.iter_mut().filter_map(|j| j.link_friction.as_mut()).for_each(|f| f.holds = true);
+    }
     let mut args = std::env::args().skip(1);
     let cameras = raven::camera::Cameras::read(args.next().unwrap().as_ref()).unwrap();
     for path in args {

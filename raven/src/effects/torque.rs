@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::{Drive, Model};
 use crate::Result;
-use crate::robot::{Arm, LinkModel};
+use crate::robot::{Arm, STICTION_SPEED};
 
 /// Motors at one time, smoothed, with the torque that was commanded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,7 +31,6 @@ pub struct Shaft {
 /// A model of the drives.
 pub struct TorqueModel {
     arm: Arm,
-    links: LinkModel,
     drives: [Drive; 3],
     gear_ratio: Vector3<f64>,
 }
@@ -44,7 +43,7 @@ impl TorqueModel {
     pub fn new(model: &Model) -> Result<Self> {
         let arm = model.robot.arm()?;
         let gear_ratio = Vector3::from_fn(|j, _| model.robot.joints[j].gear_ratio);
-        Ok(Self { links: LinkModel::new(arm.clone()), arm, drives: model.drives, gear_ratio })
+        Ok(Self { arm, drives: model.drives, gear_ratio })
     }
 
     /// What the drives deliver of a command [N m].
@@ -63,7 +62,11 @@ impl TorqueModel {
         let rate = transmission.joint_rate_from_motor(&shaft.rate);
         let (mass, bias) = self.arm.dynamics.mass_and_bias(&joint, &rate);
         let load = mass * transmission.joint_rate_from_motor(&shaft.acceleration) + bias;
-        let tension = transmission.tension_n(&(load + self.links.friction(&rate, &transmission.tension_n(&load))));
+        let unloaded = transmission.tension_n(&load);
+        let rubbing = Vector3::from_fn(|j, _| {
+            self.arm.dry_friction_n(j, unloaded[j]) * (rate[j] / STICTION_SPEED[j]).tanh() + self.arm.link_friction[j].viscous * rate[j]
+        });
+        let tension = transmission.tension_n(&(load + rubbing));
         Vector3::from_fn(|j, _| {
             let (motor, drive, rate) = (&self.arm.motors[j], &self.drives[j], shaft.rate[j]);
             let [depth, speed] = drive.stribeck;

@@ -35,7 +35,7 @@ pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
             weighed_s = time_s;
             held = Held::at(arm, &rigid);
         }
-        let wanted = rigid - held.sag;
+        let wanted = rigid - held.middle;
         if time_s - last_s > PAUSE_MAX_S {
             follower = wanted;
         }
@@ -49,8 +49,10 @@ pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
 /// Joints at rest in one pose.
 #[derive(Debug, Default)]
 struct Held {
-    /// By how much gravity keeps the joints from where rigid cables would have them [rad, rad, m].
+    /// By how much gravity keeps free joints from where rigid cables would have them [rad, rad, m].
     sag: Vector3<f64>,
+    /// The same in the middle of their play: another one where cables are slack or stiffen.
+    middle: Vector3<f64>,
     /// Half the play of each joint [rad, rad, m].
     half: Vector3<f64>,
 }
@@ -58,13 +60,18 @@ struct Held {
 impl Held {
     fn at(arm: &Arm, rigid: &Vector3<f64>) -> Self {
         let tension = arm.transmission.tension_n(&arm.dynamics.bias(rigid, &Vector3::zeros()));
-        let sag = arm.transmission.joint_lag(&Vector3::from_fn(|j, _| arm.cables[j].static_stretch_m(tension[j])));
-        let half = Vector3::from_fn(|j, _| {
-            let radius_m = arm.transmission.link_radius_m[j];
-            let half = arm.cables[j].static_stretch_m(arm.dry_friction_n(j, tension[j]) / radius_m) / radius_m;
-            if arm.link_friction[j].holds && half.is_finite() { half } else { 0.0 }
+        let friction = Vector3::from_fn(|j, _| {
+            let held = arm.link_friction[j].holds;
+            if held { arm.dry_friction_n(j, tension[j]) / arm.transmission.link_radius_m[j] } else { 0.0 }
         });
-        Self { sag, half }
+        let stretch = |tension: Vector3<f64>| Vector3::from_fn(|j, _| arm.cables[j].static_stretch_m(tension[j]));
+        let [free, ahead, behind] = [tension, tension + friction, tension - friction].map(stretch);
+        let half_m = (ahead - behind) * 0.5;
+        Self {
+            sag: arm.transmission.joint_lag(&free),
+            middle: arm.transmission.joint_lag(&((ahead + behind) * 0.5)),
+            half: half_m.component_div(&arm.transmission.link_radius_m).map(|half| if half.is_finite() { half } else { 0.0 }),
+        }
     }
 }
 
