@@ -12,7 +12,7 @@
 
 use nalgebra::Vector3;
 use raven::Result;
-use raven::robot::{Robot, STICTION_SPEED};
+use raven::robot::Robot;
 
 use crate::motion::Motion;
 use crate::parameters::Quantity;
@@ -33,7 +33,7 @@ pub fn leave_out_hidden(unknowns: &mut Vec<Unknown>, robot: &Robot, sessions: &[
         let Quantity::Damping(j) = unknown.quantity else { return true };
         let time_s = unknown.prior / arm.cables[j].stiffness;
         let fastest = sessions.iter().map(|s| acceleration(&s.motion, robot).map_or(0.0, |a| a[j])).fold(0.0, f64::max);
-        let shows = time_s * fastest > STICTION_SPEED[j];
+        let shows = time_s * fastest > arm.stiction_speed(j);
         if !shows {
             sentences.push(format!(
                 "{} was left out: the motion is too slow for it, and friction at reversals would pass for damping; record what \

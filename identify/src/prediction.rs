@@ -16,7 +16,7 @@ use std::borrow::Cow;
 use nalgebra::{Matrix3, Vector3};
 use raven::Result;
 use raven::observation::TipCorrection;
-use raven::robot::{LinkModel, LinkState, Robot, STICTION_SPEED};
+use raven::robot::{LinkModel, LinkState, Robot};
 use rayon::prelude::*;
 
 use crate::motion::Motion;
@@ -56,7 +56,7 @@ impl Predictor {
     #[must_use]
     pub fn joints(&self, driving: &Motion, time_s: f64) -> Vector3<f64> {
         let rate = self.model.arm().transmission.joint_rate_from_motor(&driving.rate_rad_s(time_s));
-        let direction = Vector3::from_fn(|j, _| (rate[j] / STICTION_SPEED[j]).tanh());
+        let direction = self.model.arm().rubbing(&rate);
         self.model.settled(&driving.angle_rad(time_s), &direction)
     }
 

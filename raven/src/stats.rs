@@ -1,6 +1,6 @@
 //! The statistics that reports quote: RMS, paired and unpaired t tests, chi-square bands.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 /// Root mean square; `None` of nothing.
 #[must_use]
@@ -105,6 +105,12 @@ pub fn effective_count(values: &[f64]) -> Option<f64> {
     // Pairs (0, 1), (2, 3), ...; the sum of all is half of one more than twice the sum of the correlations.
     let pairs = (0..n / 2).map(|k| (covariance(2 * k) + covariance(2 * k + 1)) / power).take_while(|&pair| pair > 0.0);
     Some((n as f64 / (2.0 * pairs.sum::<f64>() - 1.0)).clamp(1.0, n as f64))
+}
+
+/// Probability that a standard normal variable is below `x`.
+#[must_use]
+pub fn normal_cdf(x: f64) -> f64 {
+    Normal::standard().cdf(x)
 }
 
 /// The value that a chi-square with `degrees` of freedom stays below with probability `p`.

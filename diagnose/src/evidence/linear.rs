@@ -11,73 +11,43 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Most probable step, its covariance, and the evidence.
-#[derive(Debug, Clone)]
-pub struct Fit {
-    /// `d`.
-    pub step: DVector<f64>,
-    /// `(A + L)^-1`.
-    pub covariance: DMatrix<f64>,
-    /// `ln Z` [nat], up to a constant of the data.
-    pub evidence: f64,
-    /// `|r - J d|^2`.
-    pub left: f64,
-}
-
-/// Normal equations of slopes and residuals.
-#[derive(Debug, Clone)]
-pub struct Normal {
-    /// `J'J`.
-    pub information: DMatrix<f64>,
-    /// `J'r`.
-    pub score: DVector<f64>,
-    /// `r'r`.
-    pub square: f64,
-}
-
-impl Normal {
-    /// Of columns and residuals, of which `rows` count.
-    #[must_use]
-    pub fn new(columns: &[&[f64]], residuals: &[f64]) -> Self {
-        let n = columns.len();
-        let mut information = DMatrix::zeros(n, n);
-        for a in 0..n {
-            for b in 0..=a {
-                let product = dot(columns[a], columns[b]);
-                information[(a, b)] = product;
-                information[(b, a)] = product;
-            }
-        }
-        let score = DVector::from_iterator(n, columns.iter().map(|column| dot(column, residuals)));
-        Self { information, score, square: dot(residuals, residuals) }
-    }
-
-    /// The fit at `u` with prior deviations `t`.
-    #[must_use]
-    pub fn fit(&self, u: &[f64], t: &[f64]) -> Option<Fit> {
-        let n = u.len();
-        let precision = DVector::from_iterator(n, t.iter().map(|t| t.powi(-2)));
-        let u = DVector::from_column_slice(u);
-        let factor = (&self.information + DMatrix::from_diagonal(&precision)).cholesky()?;
-        let step = factor.solve(&(&self.score - precision.component_mul(&u)));
-        let left = self.square - 2.0 * step.dot(&self.score) + step.dot(&(&self.information * &step));
-        let moved = &u + &step;
-        let prior = moved.component_mul(&moved).dot(&precision);
-        let volume = 2.0 * factor.l().diagonal().map(f64::ln).sum() - precision.map(f64::ln).sum();
-        let evidence = -0.5 * (left + prior + volume);
-        evidence.is_finite().then(|| Fit { step, covariance: factor.inverse(), evidence, left })
-    }
-}
-
 /// Scalar product.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// Evidence [nat], up to a constant of the data, and covariance, where the cost `(|r|^2 + |u / t|^2) / 2` has its minimum and slopes with
+/// the information `A`.
+#[must_use]
+pub fn evidence(information: &DMatrix<f64>, precision: &DVector<f64>, cost: f64) -> Option<(f64, DMatrix<f64>)> {
+    let factor = (information + DMatrix::from_diagonal(precision)).cholesky()?;
+    let volume = 2.0 * factor.l().diagonal().map(f64::ln).sum() - precision.map(f64::ln).sum();
+    let evidence = -cost - 0.5 * volume;
+    evidence.is_finite().then(|| (evidence, factor.inverse()))
+}
+
+/// The step to the minimum of a linear model from `u`, and the cost there. `score` is `J' r`, `square` is `r' r`.
+#[must_use]
+pub fn minimum(
+    information: &DMatrix<f64>,
+    score: &DVector<f64>,
+    square: f64,
+    u: &DVector<f64>,
+    precision: &DVector<f64>,
+) -> Option<(DVector<f64>, f64)> {
+    let factor = (information + DMatrix::from_diagonal(precision)).cholesky()?;
+    let step = factor.solve(&(score - precision.component_mul(u)));
+    let left = square - 2.0 * step.dot(score) + step.dot(&(information * &step));
+    let moved = u + &step;
+    let prior = moved.component_mul(&moved).dot(precision);
+    Some((step, 0.5 * (left + prior)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evidence::fit::gram;
     use approx::assert_relative_eq;
 
     #[test]
@@ -87,7 +57,11 @@ mod tests {
         let residuals = [0.7, -1.2, 0.4, 2.5];
         let t = [0.5, 2.0];
         let borrowed: Vec<&[f64]> = columns.iter().map(|c| c.as_slice()).collect();
-        let fit = Normal::new(&borrowed, &residuals).fit(&[0.0, 0.0], &t).unwrap();
+        let information = gram(&borrowed);
+        let score = DVector::from_iterator(2, borrowed.iter().map(|c| dot(c, &residuals)));
+        let precision = DVector::from_iterator(2, t.iter().map(|t: &f64| t.powi(-2)));
+        let (_, cost) = minimum(&information, &score, dot(&residuals, &residuals), &DVector::zeros(2), &precision).unwrap();
+        let (found, _) = evidence(&information, &precision, cost).unwrap();
         let mut covariance = DMatrix::<f64>::identity(4, 4);
         for (column, t) in columns.iter().zip(t) {
             let column = DVector::from_column_slice(column);
@@ -95,6 +69,6 @@ mod tests {
         }
         let r = DVector::from_column_slice(&residuals);
         let density = -0.5 * (r.dot(&(covariance.clone().try_inverse().unwrap() * &r)) + covariance.determinant().ln());
-        assert_relative_eq!(fit.evidence, density, epsilon = 1e-10);
+        assert_relative_eq!(found, density, epsilon = 1e-10);
     }
 }

@@ -1,7 +1,10 @@
-//! Which effect causes the gap: hypotheses compared by their evidence.
+//! Which effects, by evidence.
 
 pub mod coordinates;
 pub mod data;
+pub mod fit;
 pub mod linear;
+pub mod prior;
 pub mod rows;
+pub mod screen;
 pub mod search;

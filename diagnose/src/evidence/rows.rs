@@ -3,14 +3,13 @@
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Model, Shaft, Sited, TipModel, TorqueModel};
+use raven::effects::{Channel, Model, Shaft, Sited, TipModel, TorqueModel};
 use raven::robot::Robot;
-use rayon::prelude::*;
 
 use super::data::{Data, WINDOW_S};
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
-const TORQUE_MODEL: f64 = 0.02;
+const TORQUE_MODEL: f64 = 0.01;
 /// Time over which its errors are alike [s].
 const TORQUE_ALIKE_S: f64 = 0.2;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s].
@@ -26,6 +25,27 @@ pub struct Rows<'a> {
     /// Inverse deviations of each torque sample; 0 where it says nothing.
     torque_weight: Vec<Vec<Vector3<f64>>>,
 }
+
+/// How the links follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Links {
+    /// Through their equations of motion.
+    RolledOut,
+    /// At rest at every instant.
+    Settled,
+}
+
+/// By how much deviations are larger than stated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inflation {
+    /// Of tips.
+    pub tip: f64,
+    /// Of each joint's torque.
+    pub torque: Vector3<f64>,
+}
+
+/// Both channels.
+pub const ALL: [Channel; 2] = [Channel::Tip, Channel::Torque];
 
 /// An effect in the model, at `u` of its parameters.
 pub type Setting = (Sited, Vec<f64>);
@@ -70,55 +90,91 @@ impl<'a> Rows<'a> {
         3 * self.data.iter().map(|data| data.sights.len()).sum::<usize>()
     }
 
-    /// Time of each row [s], recordings one after the other.
+    /// Rows of torques.
     #[must_use]
-    pub fn times_s(&self) -> Vec<f64> {
-        let mut before = 0.0;
-        let mut starts = Vec::new();
-        for data in self.data {
-            starts.push(before);
-            before += data.motors.time_s.last().copied().unwrap_or(0.0) + 1.0;
-        }
-        let tips = self.data.iter().zip(&starts).flat_map(|(d, s)| d.sights.iter().flat_map(move |sight| [s + sight.stamp_s; 3]));
-        let torques = self.data.iter().zip(&starts).flat_map(|(d, s)| d.shafts.iter().flat_map(move |shaft| [s + shaft.time_s; 3]));
-        tips.chain(torques).collect()
+    pub fn torque_rows(&self) -> usize {
+        3 * self.data.iter().map(|data| data.shafts.len()).sum::<usize>()
     }
 
-    /// Whitened measured less predicted with effects built in; rolled out or, a hundred times as fast, settled.
+    /// The same with part of the rows counting less: each sight and torque sample's deviations are multiplied by what `inflation` says of
+    /// its recording and time [s]; an infinite one takes it out.
+    #[must_use]
+    pub fn inflated(&self, inflation: impl Fn(usize, f64) -> Inflation) -> Self {
+        let mut rows = Self {
+            robot: self.robot,
+            cameras: self.cameras,
+            data: self.data,
+            whiten: self.whiten.clone(),
+            torque_weight: self.torque_weight.clone(),
+        };
+        for (r, data) in self.data.iter().enumerate() {
+            for (sight, whiten) in data.sights.iter().zip(&mut rows.whiten[r]) {
+                *whiten /= inflation(r, sight.stamp_s).tip;
+            }
+            for (shaft, weight) in data.shafts.iter().zip(&mut rows.torque_weight[r]) {
+                *weight = weight.component_div(&inflation(r, shaft.time_s).torque);
+            }
+        }
+        rows
+    }
+
+    /// Recordings.
+    #[must_use]
+    pub fn data(&self) -> &'a [Data] {
+        self.data
+    }
+
+    /// The nominal robot.
+    #[must_use]
+    pub fn robot(&self) -> &'a Robot {
+        self.robot
+    }
+
+    /// Cameras that the tips were seen with.
+    #[must_use]
+    pub fn cameras(&self) -> Option<&'a Cameras> {
+        self.cameras
+    }
+
+    /// The nominal model with effects built in.
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub fn residuals(&self, settings: &[Setting], rolled_out: bool) -> Result<Vec<f64>> {
-        let model = settings.iter().fold(Model::new(self.robot, self.cameras)?, |model, (sited, u)| {
-            if u.iter().all(|&u| u == 0.0) { model } else { model.with(sited, u) }
-        });
-        let mut rows = Vec::new();
-        for (data, whiten) in self.data.iter().zip(&self.whiten) {
-            if data.sights.is_empty() {
-                continue;
-            }
-            let tip = TipModel::new(&model, &data.motors)?;
-            let seen = if rolled_out { tip.rolled_out(&data.sights) } else { tip.settled(&data.sights) };
-            for ((sight, whiten), seen) in data.sights.iter().zip(whiten).zip(seen) {
-                let row = seen.map_or_else(Vector3::zeros, |seen| whiten * (sight.position_m - seen));
-                rows.extend(row.iter().map(|v| if v.is_finite() { *v } else { 0.0 }));
-            }
-        }
-        let torque = TorqueModel::new(&model)?;
-        for (data, weights) in self.data.iter().zip(&self.torque_weight) {
-            for (shaft, weight) in data.shafts.iter().zip(weights) {
-                rows.extend((torque.delivered(&shaft.commanded) - torque.needed(shaft)).component_mul(weight).iter());
-            }
-        }
-        Ok(rows)
+    pub fn model(&self, settings: &[Setting]) -> Result<Model> {
+        Ok(settings.iter().fold(Model::new(self.robot, self.cameras)?, |model, (sited, u)| model.with(sited, u)))
     }
 
-    /// Many settings at once.
+    /// Whitened measured less predicted with effects built in; rolled out or, fifty times as fast, settled. Channels that are not asked
+    /// for are zero.
     ///
     /// # Errors
-    /// As [`Self::residuals`].
-    pub fn all(&self, settings: &[Vec<Setting>], rolled_out: bool) -> Result<Vec<Vec<f64>>> {
-        settings.par_iter().map(|settings| self.residuals(settings, rolled_out)).collect()
+    /// If the robot is no arm.
+    pub fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
+        let model = self.model(settings)?;
+        let [with_tip, with_torque] = ALL.map(|channel| channels.contains(&channel));
+        let torque = TorqueModel::new(&model)?;
+        let (mut tips, mut torques) = (Vec::with_capacity(self.tip_rows() + self.torque_rows()), Vec::with_capacity(self.torque_rows()));
+        for ((data, whiten), weights) in self.data.iter().zip(&self.whiten).zip(&self.torque_weight) {
+            let sights = if with_tip { data.sights.as_slice() } else { &[] };
+            let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
+            let tip = TipModel::new(&model, &data.motors)?;
+            let (seen, moving) = match links {
+                Links::RolledOut => tip.rolled_out(sights, &shafts.iter().map(|shaft| shaft.time_s).collect::<Vec<_>>(), WINDOW_S),
+                Links::Settled => (tip.settled(sights), vec![None; shafts.len()]),
+            };
+            for ((sight, whiten), seen) in sights.iter().zip(whiten).zip(seen) {
+                let row = seen.map_or_else(Vector3::zeros, |seen| whiten * (sight.position_m - seen));
+                tips.extend(row.iter().map(|v| if v.is_finite() { *v } else { 0.0 }));
+            }
+            for ((shaft, weight), moving) in shafts.iter().zip(weights).zip(moving) {
+                let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
+                torques.extend((torque.delivered(&shaft.commanded) - torque.needed(shaft, &moving)).component_mul(weight).iter());
+            }
+        }
+        tips.resize(self.tip_rows(), 0.0);
+        torques.resize(self.torque_rows(), 0.0);
+        tips.append(&mut torques);
+        Ok(tips)
     }
 }
 

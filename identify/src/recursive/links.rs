@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 use raven::Result;
 use raven::filter::{PaperStates, SquareRootUkf, StateEquation};
 use raven::observation::TipCorrection;
-use raven::robot::{LinkModel, LinkState, STICTION_SPEED};
+use raven::robot::{LinkModel, LinkState};
 
 use super::unbounded;
 use crate::motion::Motion;
@@ -34,7 +34,7 @@ impl Links {
     pub fn settled(&self, motion: &Motion, stamp_s: f64) -> States {
         let time_s = stamp_s - self.correction.latency_s();
         let rate = self.equation.model.arm().transmission.joint_rate_from_motor(&motion.rate_rad_s(time_s));
-        let direction = Vector3::from_fn(|j, _| (rate[j] / STICTION_SPEED[j]).tanh());
+        let direction = self.equation.model.arm().rubbing(&rate);
         let position = self.equation.model.settled(&motion.angle_rad(time_s), &direction);
         States::from_iterator(position.iter().chain(rate.iter()).copied())
     }

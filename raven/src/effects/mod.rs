@@ -15,7 +15,7 @@ pub use library::ALL;
 pub use model::{Drive, Model, MotorLaw};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
-pub use torque::{Shaft, TorqueModel};
+pub use torque::{LinkMotion, Shaft, TorqueModel};
 pub use view::View;
 
 use crate::robot::{JointType, Robot};

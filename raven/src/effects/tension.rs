@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::robot::{Arm, MotorTrack, STICTION_SPEED};
+use crate::robot::{Arm, MotorTrack};
 
 /// Time between evaluations of the load [s]: gravity changes little within it.
 const STRIDE_S: f64 = 0.01;
@@ -20,7 +20,8 @@ pub fn under_tension(arm: &Arm, track: &mut MotorTrack, j: usize, mut law: impl 
             evaluated = time_s;
             let joint = transmission.joint_from_motor(&recorded);
             let rate = if step_s > 0.0 { transmission.joint_rate_from_motor(&(turned / step_s)) } else { Vector3::zeros() };
-            let drag = Vector3::from_fn(|k, _| arm.link_friction[k].coulomb * (rate[k] / STICTION_SPEED[k]).tanh());
+            let way = arm.rubbing(&rate);
+            let drag = Vector3::from_fn(|k, _| arm.link_friction[k].coulomb * way[k]);
             tension = transmission.tension_n(&(arm.dynamics.bias(&joint, &Vector3::zeros()) + drag))[j];
         }
         angle[j] += law(step_s, tension, turned[j]);

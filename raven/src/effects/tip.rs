@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Model;
+use super::{LinkMotion, Model};
 use crate::Result;
-use crate::robot::{LinkModel, LinkState, MotorTrack, STICTION_SPEED};
+use crate::robot::{LinkModel, LinkState, MotorTrack};
 
 /// A tip to be predicted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,13 +41,31 @@ impl<'a> TipModel<'a> {
         Ok(Self { model, links: LinkModel::new(arm), motors })
     }
 
-    /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording.
-    /// `None` where the motors are not known.
+    /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording; and how
+    /// the links move within each of `windows` of a width. `None` where the motors are not known.
     #[must_use]
-    pub fn rolled_out(&self, sights: &[Sight]) -> Vec<Option<Vector3<f64>>> {
-        let times: Vec<f64> = sights.iter().map(|sight| self.model.view.shown_at_s(sight.stamp_s)).collect();
-        let states = self.links.rollout(&self.motors, &times);
-        self.seen(sights, states)
+    pub fn rolled_out(&self, sights: &[Sight], windows: &[f64], width_s: f64) -> (Vec<Option<Vector3<f64>>>, Vec<Option<LinkMotion>>) {
+        let shown = sights.iter().map(|sight| self.model.view.shown_at_s(sight.stamp_s));
+        let within = windows.iter().flat_map(|&t| [t - 0.5 * width_s, t, t + 0.5 * width_s]);
+        let times: Vec<f64> = shown.chain(within).collect();
+        let mut order: Vec<usize> = (0..times.len()).collect();
+        order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
+        let sorted: Vec<f64> = order.iter().map(|&k| times[k]).collect();
+        let mut states = vec![None; times.len()];
+        for (k, state) in order.into_iter().zip(self.links.rollout(&self.motors, &sorted)) {
+            states[k] = state;
+        }
+        let moving = states.split_off(sights.len());
+        let motions = moving.chunks(3).map(|three| match three {
+            [Some(before), Some(at), Some(after)] => Some(LinkMotion {
+                position: at.position,
+                rate: (after.position - before.position) / width_s,
+                acceleration: (after.position - at.position * 2.0 + before.position) * (4.0 / (width_s * width_s)),
+            }),
+            _ => None,
+        });
+        let motions = motions.collect();
+        (self.seen(sights, states), motions)
     }
 
     /// Predictions with the links at rest where the cables hold them: fifty times as fast, good for slopes.
@@ -62,7 +80,7 @@ impl<'a> TipModel<'a> {
         let ends = [self.motors.at(time_s - HALF_WINDOW_S), self.motors.at(time_s + HALF_WINDOW_S)];
         let rate = if let [Some((before, _)), Some((after, _))] = ends { (after - before) / (2.0 * HALF_WINDOW_S) } else { rate };
         let rate = self.links.arm().transmission.joint_rate_from_motor(&rate);
-        let direction = Vector3::from_fn(|j, _| (rate[j] / STICTION_SPEED[j]).tanh());
+        let direction = self.links.arm().rubbing(&rate);
         Some(LinkState { position: self.links.settled(&angle, &direction), rate })
     }
 

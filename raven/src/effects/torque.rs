@@ -5,13 +5,14 @@
 //! gamma = (1 + C)'^-1 (M qdd + C(q, qd) + G(q) + friction) / r_l
 //! ```
 //!
-//! The links are taken to move as the motors make them move rigidly: what stretch adds is parts in a thousand of the torque.
+//! Where the links' motion is not given they are taken to move as the motors make them move rigidly. That is good to parts in a thousand
+//! of the torque, but for the moments after a reversal in which the links rest and the cables are wound.
 
 use nalgebra::Vector3;
 
 use super::{Drive, Model};
 use crate::Result;
-use crate::robot::{Arm, STICTION_SPEED};
+use crate::robot::Arm;
 
 /// Motors at one time, smoothed, with the torque that was commanded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +27,17 @@ pub struct Shaft {
     pub acceleration: Vector3<f64>,
     /// After the gear box [N m].
     pub commanded: Vector3<f64>,
+}
+
+/// How the links move about one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkMotion {
+    /// [rad, rad, m].
+    pub position: Vector3<f64>,
+    /// [rad/s, rad/s, m/s].
+    pub rate: Vector3<f64>,
+    /// [rad/s^2, rad/s^2, m/s^2].
+    pub acceleration: Vector3<f64>,
 }
 
 /// A model of the drives.
@@ -54,18 +66,28 @@ impl TorqueModel {
         })
     }
 
-    /// What they must have delivered [N m].
+    /// The links as the motors move them without stretch.
     #[must_use]
-    pub fn needed(&self, shaft: &Shaft) -> Vector3<f64> {
+    pub fn rigid(&self, shaft: &Shaft) -> LinkMotion {
         let transmission = &self.arm.transmission;
-        let joint = transmission.joint_from_motor(&shaft.angle);
-        let rate = transmission.joint_rate_from_motor(&shaft.rate);
-        let (mass, bias) = self.arm.dynamics.mass_and_bias(&joint, &rate);
-        let load = mass * transmission.joint_rate_from_motor(&shaft.acceleration) + bias;
+        LinkMotion {
+            position: transmission.joint_from_motor(&shaft.angle),
+            rate: transmission.joint_rate_from_motor(&shaft.rate),
+            acceleration: transmission.joint_rate_from_motor(&shaft.acceleration),
+        }
+    }
+
+    /// What they must have delivered [N m] while the links moved so.
+    #[must_use]
+    pub fn needed(&self, shaft: &Shaft, links: &LinkMotion) -> Vector3<f64> {
+        let transmission = &self.arm.transmission;
+        let rate = links.rate;
+        let (mass, bias) = self.arm.dynamics.mass_and_bias(&links.position, &rate);
+        let load = mass * links.acceleration + bias;
         let unloaded = transmission.tension_n(&load);
-        let rubbing = Vector3::from_fn(|j, _| {
-            self.arm.dry_friction_n(j, unloaded[j]) * (rate[j] / STICTION_SPEED[j]).tanh() + self.arm.link_friction[j].viscous * rate[j]
-        });
+        let way = self.arm.rubbing(&rate);
+        let rubbing =
+            Vector3::from_fn(|j, _| self.arm.dry_friction_n(j, unloaded[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j]);
         let tension = transmission.tension_n(&(load + rubbing));
         Vector3::from_fn(|j, _| {
             let (motor, drive, rate) = (&self.arm.motors[j], &self.drives[j], shaft.rate[j]);

@@ -171,6 +171,9 @@ pub struct ViscousCoulomb {
     /// Whether Coulomb friction holds a joint whose motor stands still, as against giving way slowly.
     #[serde(default)]
     pub holds: bool,
+    /// Speed below which Coulomb friction fades [rad/s or m/s]; the model's own where it is not given.
+    #[serde(default)]
+    pub stiction_speed: Option<f64>,
 }
 
 /// One entry of the cable coupling: `q_to += coefficient * q_from`, as cable travel at the joint.

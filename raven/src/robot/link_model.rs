@@ -85,9 +85,8 @@ impl LinkModel {
     /// Friction of the joints [N m, N m, N] at joint velocities, under tension differences of the cables [N].
     #[must_use]
     pub fn friction(&self, rate: &Vector3<f64>, tension_n: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|j, _| {
-            self.creeping_n(j, tension_n[j]) * (rate[j] / STICTION_SPEED[j]).tanh() + self.arm.link_friction[j].viscous * rate[j]
-        })
+        let way = self.arm.rubbing(rate);
+        Vector3::from_fn(|j, _| self.creeping_n(j, tension_n[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j])
     }
 
     /// Coulomb friction that stands in the equations of motion [N m or N]; friction that holds is in what drives them.
@@ -158,7 +157,7 @@ fn fastest_pole(arm: &Arm) -> f64 {
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
             let damping = 2.0 * arm.cables[j].damping * radius2
-                + if arm.link_friction[j].holds { 0.0 } else { arm.link_friction[j].coulomb / STICTION_SPEED[j] };
+                + if arm.link_friction[j].holds { 0.0 } else { arm.link_friction[j].coulomb / arm.stiction_speed(j) };
             let stiffness = 2.0 * arm.cables[j].stiffness * radius2;
             let (rate, square) = (damping / inertia[(j, j)], stiffness / inertia[(j, j)]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.

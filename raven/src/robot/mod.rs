@@ -50,6 +50,19 @@ pub struct Arm {
 }
 
 impl Arm {
+    /// Speed of a joint below which its Coulomb friction fades [rad/s or m/s].
+    #[must_use]
+    pub fn stiction_speed(&self, j: usize) -> f64 {
+        self.link_friction[j].stiction_speed.unwrap_or(STICTION_SPEED[j])
+    }
+
+    /// Which way Coulomb friction acts at joint velocities: -1 to 1 per joint. Towards rest it fades as what a step of finite length needs to
+    /// stop the joint (Kikuuwe, Takesue, Sano, Mochiyama, Fujimoto 2005, eq. 16).
+    #[must_use]
+    pub fn rubbing(&self, rate: &nalgebra::Vector3<f64>) -> nalgebra::Vector3<f64> {
+        nalgebra::Vector3::from_fn(|j, _| (rate[j] / self.stiction_speed(j)).clamp(-1.0, 1.0))
+    }
+
     /// Dry friction of a joint [N m or N] whose cable pulls with a tension difference [N].
     #[must_use]
     pub fn dry_friction_n(&self, j: usize, tension_n: f64) -> f64 {

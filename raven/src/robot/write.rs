@@ -146,7 +146,8 @@ fn joint_yaml(joint: &Joint) -> String {
     }
     if let Some(f) = joint.link_friction {
         let holds = if f.holds { ", holds: true" } else { "" };
-        let more = departure(("per_load", f.per_load, 0.0));
+        let mut more = departure(("per_load", f.per_load, 0.0));
+        more.extend(f.stiction_speed.map(|speed| format!(", stiction_speed: {}", yaml_float(speed))));
         let _ =
             write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{more}{holds}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
     }

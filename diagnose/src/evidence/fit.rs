@@ -1,0 +1,235 @@
+//! The most probable numbers of one hypothesis: Levenberg-Marquardt on exact residuals with slopes of settled links.
+//!
+//! ```text
+//! F(u) = |r(u)|^2 / 2 + |u / t|^2 / 2,   (J'J + L + m D) d = J' r - L u,   L = diag(t^-2), D = diag(J'J + L)
+//! ```
+//!
+//! (Nocedal and Wright 2006, chapter 10.) Slopes of the numbers that the nominal model has change little; they are carried over from
+//! another hypothesis where there is one, and renewed before the end.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use raven::Result;
+use raven::effects::Scale;
+use raven::stats::normal_cdf;
+use rayon::prelude::*;
+
+use super::coordinates::Coordinates;
+use super::linear::{dot, evidence};
+use super::rows::{ALL, Links, Rows};
+
+/// Step of difference quotients, in units of the slab, and at most this part of a spike.
+const DIFFERENCE: f64 = 0.02;
+/// Most steps of a fit.
+const STEPS_MAX: usize = 25;
+/// A fit has converged when the next step promises less than this [nat].
+const PROMISE_MIN: f64 = 0.02;
+/// Damping at the start, and the most before a fit gives up.
+const DAMPING: [f64; 2] = [1e-4, 1e6];
+/// Farthest a number is moved at once, in units of the slab.
+const STEP_MAX: f64 = 1.5;
+
+/// A column of slopes, shared between hypotheses.
+pub type Column = Arc<Vec<f64>>;
+
+/// A hypothesis, fitted.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// Effects at their slabs, of [`Coordinates::sited`], in rising order.
+    pub effects: Vec<usize>,
+    /// All coordinates.
+    pub u: Vec<f64>,
+    /// Coordinates that are free.
+    pub free: Vec<usize>,
+    /// Covariance of those.
+    pub covariance: DMatrix<f64>,
+    /// `ln Z` [nat].
+    pub evidence: f64,
+    /// Whitened residuals there.
+    pub residuals: Vec<f64>,
+    /// Slopes there, one per free coordinate.
+    pub columns: Vec<Column>,
+}
+
+impl Hypothesis {
+    /// Deviation of a coordinate; 0 if it is not free.
+    #[must_use]
+    pub fn std(&self, c: usize) -> f64 {
+        self.free.iter().position(|&f| f == c).map_or(0.0, |k| self.covariance[(k, k)].max(0.0).sqrt())
+    }
+}
+
+/// Fits hypotheses to recordings.
+pub struct Fitter<'a> {
+    /// Recordings.
+    pub rows: &'a Rows<'a>,
+    /// Numbers.
+    pub coordinates: &'a Coordinates,
+}
+
+impl Fitter<'_> {
+    /// Prior deviation of a coordinate under a hypothesis; `None` if it is not free.
+    #[must_use]
+    pub fn prior(&self, c: usize, effects: &[usize]) -> Option<f64> {
+        let coordinate = self.coordinates.all[c];
+        if effects.contains(&coordinate.effect) { Some(1.0) } else { coordinate.spike }
+    }
+
+    /// Free coordinates of a hypothesis.
+    #[must_use]
+    pub fn free(&self, effects: &[usize]) -> Vec<usize> {
+        (0..self.coordinates.all.len()).filter(|&c| self.prior(c, effects).is_some()).collect()
+    }
+
+    /// Slopes of the residuals' negative by coordinates at a point, from settled links.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn slopes(&self, u: &[f64], coordinates: &[usize]) -> Result<Vec<Column>> {
+        let slope = |&c: &usize| {
+            let coordinate = self.coordinates.all[c];
+            let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
+            let channels = self.coordinates.sited[coordinate.effect].effect.channels;
+            let at = |side: f64| {
+                let mut moved = u.to_vec();
+                moved[c] += side * step;
+                self.rows.residuals(&self.coordinates.settings(&moved), Links::Settled, channels)
+            };
+            let (ahead, behind) = (at(1.0)?, at(-1.0)?);
+            Ok(Arc::new(ahead.iter().zip(&behind).map(|(ahead, behind)| (behind - ahead) / (2.0 * step)).collect()))
+        };
+        coordinates.par_iter().map(slope).collect()
+    }
+
+    /// Exact residuals at a point.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn exact(&self, u: &[f64]) -> Result<Vec<f64>> {
+        self.rows.residuals(&self.coordinates.settings(u), Links::RolledOut, &ALL)
+    }
+
+    /// Fits a hypothesis from a start. Slopes of `like` serve for the coordinates that are free there too, until the last steps.
+    /// `None` where nothing finite was found.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn fit(&self, effects: &[usize], start: &[f64], like: Option<&Hypothesis>) -> Result<Option<Hypothesis>> {
+        let mut effects = effects.to_vec();
+        effects.sort_unstable();
+        let free = self.free(&effects);
+        let precision = DVector::from_iterator(free.len(), free.iter().filter_map(|&c| self.prior(c, &effects)).map(|t| t.powi(-2)));
+        let cost = |u: &[f64], residuals: &[f64]| {
+            let prior: f64 = free.iter().zip(precision.iter()).map(|(&c, p)| p * u[c] * u[c]).sum();
+            0.5 * (dot(residuals, residuals) + prior)
+        };
+        let mut u = start.to_vec();
+        let mut residuals = self.exact(&u)?;
+        let mut value = cost(&u, &residuals);
+        if !value.is_finite() {
+            return Ok(None);
+        }
+        let borrowed = |c: &usize| like.and_then(|like| like.free.iter().position(|f| f == c).map(|at| like.columns[at].clone()));
+        let mut columns: Vec<Option<Column>> =
+            free.iter().map(|c| if effects.contains(&self.coordinates.all[*c].effect) { None } else { borrowed(c) }).collect();
+        let mut fresh = columns.iter().all(Option::is_none);
+        let mut damping = DAMPING[0];
+        let mut information = DMatrix::zeros(0, 0);
+        let mut steps = 0;
+        while steps < STEPS_MAX {
+            steps += 1;
+            let missing: Vec<usize> = (0..free.len()).filter(|&k| columns[k].is_none()).collect();
+            let coordinates: Vec<usize> = missing.iter().map(|&k| free[k]).collect();
+            for (&k, column) in missing.iter().zip(self.slopes(&u, &coordinates)?) {
+                columns[k] = Some(column);
+            }
+            let known: Vec<&[f64]> = columns.iter().flatten().map(|column| column.as_slice()).collect();
+            information = gram(&known);
+            let score = DVector::from_iterator(free.len(), known.iter().map(|column| dot(column, &residuals)));
+            let at = DVector::from_iterator(free.len(), free.iter().map(|&c| u[c]));
+            let gradient = score - precision.component_mul(&at);
+            let curvature = &information + DMatrix::from_diagonal(&precision);
+            let Some(newton) = curvature.clone().cholesky() else { return Ok(None) };
+            let promise = 0.5 * gradient.dot(&newton.solve(&gradient));
+            let mut taken = false;
+            while promise > PROMISE_MIN && damping < DAMPING[1] {
+                let damped = &curvature + DMatrix::from_diagonal(&(curvature.diagonal() * damping));
+                let Some(step) = damped.cholesky().map(|factor| factor.solve(&gradient)) else { return Ok(None) };
+                let mut moved = u.clone();
+                for (k, &c) in free.iter().enumerate() {
+                    moved[c] = self.kept_inside(c, u[c], step[k]);
+                }
+                let there = self.exact(&moved)?;
+                let value_there = cost(&moved, &there);
+                if value_there < value {
+                    taken = value - value_there > PROMISE_MIN;
+                    (u, residuals, value) = (moved, there, value_there);
+                    damping = (damping * 0.1).max(1e-9);
+                    break;
+                }
+                damping *= 10.0;
+            }
+            let own = |k: &usize| effects.contains(&self.coordinates.all[free[*k]].effect);
+            if taken {
+                (0..free.len()).filter(|k| fresh || own(k)).for_each(|k| columns[k] = None);
+            } else if fresh {
+                break;
+            } else {
+                // What was carried over has done its service.
+                fresh = true;
+                damping = DAMPING[0];
+                columns.iter_mut().for_each(|column| *column = None);
+            }
+        }
+        let Some((evidence, covariance)) = evidence(&information, &precision, value) else { return Ok(None) };
+        let columns = columns.into_iter().flatten().collect::<Vec<_>>();
+        if columns.len() != free.len() {
+            return Ok(None);
+        }
+        let mut hypothesis = Hypothesis { effects, u, free, covariance, evidence, residuals, columns };
+        hypothesis.evidence += self.half_spaces(&hypothesis.effects, &|c| hypothesis.u[c] / hypothesis.std(c));
+        Ok(Some(hypothesis))
+    }
+
+    /// A step of a coordinate: not through zero where the number cannot be negative, not out of the recording, not too far at once.
+    #[must_use]
+    pub fn kept_inside(&self, c: usize, u: f64, step: f64) -> f64 {
+        let coordinate = self.coordinates.all[c];
+        match self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale {
+            Scale::Magnitude(_) => (u + step.clamp(-STEP_MAX, STEP_MAX)).max(1e-3),
+            Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-4.0, 4.0),
+            Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(0.0, 1.0),
+            Scale::Offset(_) => u + step,
+            Scale::Factor(_) => u + step.clamp(-STEP_MAX, STEP_MAX),
+        }
+    }
+
+    /// A magnitude's prior is half a normal distribution, and part of its posterior is cut away: what that adds to the evidence [nat].
+    /// `size` is a coordinate in its posterior deviations.
+    #[must_use]
+    pub fn half_spaces(&self, effects: &[usize], size: &dyn Fn(usize) -> f64) -> f64 {
+        let magnitude = |&c: &usize| {
+            let coordinate = self.coordinates.all[c];
+            let parameters = self.coordinates.sited[coordinate.effect].effect.parameters;
+            matches!(parameters[coordinate.parameter].scale, Scale::Magnitude(_))
+        };
+        let coordinates = effects.iter().flat_map(|&e| self.coordinates.of(e)).filter(magnitude);
+        coordinates.map(|c| (2.0 * normal_cdf(size(c)).max(f64::MIN_POSITIVE)).ln()).sum()
+    }
+}
+
+/// `J'J` of columns.
+#[must_use]
+pub fn gram(columns: &[&[f64]]) -> DMatrix<f64> {
+    let n = columns.len();
+    let mut information = DMatrix::zeros(n, n);
+    for a in 0..n {
+        for b in 0..=a {
+            let product = dot(columns[a], columns[b]);
+            information[(a, b)] = product;
+            information[(b, a)] = product;
+        }
+    }
+    information
+}

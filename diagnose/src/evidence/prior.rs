@@ -1,0 +1,38 @@
+//! What is believed of the number of effects before a recording is looked at.
+//!
+//! None is as probable as some. More effects are less probable than fewer, and all sets of one size are equally so.
+
+/// Probability of none, one, two and three effects.
+const OF_COUNT: [f64; 4] = [0.5, 0.35, 0.12, 0.03];
+
+/// Logarithm of the prior probability of one set of `count` effects out of `effects`.
+#[must_use]
+pub fn log(count: usize, effects: usize) -> f64 {
+    let sets: f64 = (0..count).map(|k| (effects.saturating_sub(k)) as f64 / (k + 1) as f64).product();
+    OF_COUNT.get(count).map_or(f64::NEG_INFINITY, |p| p.ln() - sets.max(1.0).ln())
+}
+
+/// Probabilities of hypotheses from their evidence [nat], most probable first.
+#[must_use]
+pub fn probabilities(evidence: impl Iterator<Item = (Vec<usize>, f64)>, effects: usize) -> Vec<(Vec<usize>, f64)> {
+    let mut all: Vec<(Vec<usize>, f64)> = evidence.map(|(set, z)| (log(set.len(), effects) + z, set)).map(|(l, set)| (set, l)).collect();
+    let highest = all.iter().map(|(_, l)| *l).fold(f64::NEG_INFINITY, f64::max);
+    all.iter_mut().for_each(|(_, l)| *l = (*l - highest).exp());
+    let sum: f64 = all.iter().map(|(_, p)| p).sum();
+    all.iter_mut().for_each(|(_, p)| *p /= sum);
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_sets_of_all_sizes_sum_to_one() {
+        let n = 12;
+        let sets = [1.0, 12.0, 66.0, 220.0];
+        let sum: f64 = sets.iter().enumerate().map(|(k, sets)| sets * log(k, n).exp()).sum();
+        approx::assert_relative_eq!(sum, 1.0, epsilon = 1e-12);
+    }
+}
