@@ -5,7 +5,7 @@
 //! ```
 //!
 //! (Nocedal and Wright 2006, chapter 10.) Slopes of the numbers that the nominal model has change little; they are carried over from
-//! another hypothesis where there is one, and renewed before the end.
+//! step to step, and from another hypothesis where there is one.
 
 use std::sync::Arc;
 
@@ -22,9 +22,11 @@ use super::rows::{ALL, Links, Rows};
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
 const DIFFERENCE: f64 = 0.02;
 /// Most steps of a fit.
-const STEPS_MAX: usize = 25;
+const STEPS_MAX: usize = 15;
+/// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
+const MOVED: f64 = 0.15;
 /// A fit has converged when the next step promises less than this [nat].
-const PROMISE_MIN: f64 = 0.02;
+const PROMISE_MIN: f64 = 0.05;
 /// Damping at the start, and the most before a fit gives up.
 const DAMPING: [f64; 2] = [1e-4, 1e6];
 /// Farthest a number is moved at once, in units of the slab.
@@ -110,8 +112,8 @@ impl Fitter<'_> {
         self.rows.residuals(&self.coordinates.settings(u), Links::RolledOut, &ALL)
     }
 
-    /// Fits a hypothesis from a start. Slopes of `like` serve for the coordinates that are free there too, until the last steps.
-    /// `None` where nothing finite was found.
+    /// Fits a hypothesis from a start. Slopes of `like` serve for the coordinates that are free there too, as long as they do
+    /// not move far. `None` where nothing finite was found.
     ///
     /// # Errors
     /// If the robot is no arm.
@@ -130,30 +132,33 @@ impl Fitter<'_> {
         if !value.is_finite() {
             return Ok(None);
         }
-        let borrowed = |c: &usize| like.and_then(|like| like.free.iter().position(|f| f == c).map(|at| like.columns[at].clone()));
-        let mut columns: Vec<Option<Column>> =
-            free.iter().map(|c| if effects.contains(&self.coordinates.all[*c].effect) { None } else { borrowed(c) }).collect();
-        let mut fresh = columns.iter().all(Option::is_none);
+        // Each column, and where its coordinate was when it was taken.
+        let borrowed = |&c: &usize| {
+            let like = like?;
+            like.free.iter().position(|&f| f == c).map(|at| (like.columns[at].clone(), like.u[c]))
+        };
+        let mut columns: Vec<Option<(Column, f64)>> = free.iter().map(borrowed).collect();
         let mut damping = DAMPING[0];
         let mut information = DMatrix::zeros(0, 0);
-        let mut steps = 0;
-        while steps < STEPS_MAX {
-            steps += 1;
-            let missing: Vec<usize> = (0..free.len()).filter(|&k| columns[k].is_none()).collect();
-            let coordinates: Vec<usize> = missing.iter().map(|&k| free[k]).collect();
-            for (&k, column) in missing.iter().zip(self.slopes(&u, &coordinates)?) {
-                columns[k] = Some(column);
+        for _ in 0..STEPS_MAX {
+            let stale = |&k: &usize| {
+                let own = effects.contains(&self.coordinates.all[free[k]].effect);
+                columns[k].as_ref().is_none_or(|(_, at)| (u[free[k]] - at).abs() > if own { 0.0 } else { MOVED })
+            };
+            let stale: Vec<usize> = (0..free.len()).filter(stale).collect();
+            let coordinates: Vec<usize> = stale.iter().map(|&k| free[k]).collect();
+            for (&k, column) in stale.iter().zip(self.slopes(&u, &coordinates)?) {
+                columns[k] = Some((column, u[free[k]]));
             }
-            let known: Vec<&[f64]> = columns.iter().flatten().map(|column| column.as_slice()).collect();
+            let known: Vec<&[f64]> = columns.iter().flatten().map(|(column, _)| column.as_slice()).collect();
             information = gram(&known);
             let score = DVector::from_iterator(free.len(), known.iter().map(|column| dot(column, &residuals)));
             let at = DVector::from_iterator(free.len(), free.iter().map(|&c| u[c]));
             let gradient = score - precision.component_mul(&at);
             let curvature = &information + DMatrix::from_diagonal(&precision);
             let Some(newton) = curvature.clone().cholesky() else { return Ok(None) };
-            let promise = 0.5 * gradient.dot(&newton.solve(&gradient));
-            let mut taken = false;
-            while promise > PROMISE_MIN && damping < DAMPING[1] {
+            let before = value;
+            while 0.5 * gradient.dot(&newton.solve(&gradient)) > PROMISE_MIN && damping < DAMPING[1] {
                 let damped = &curvature + DMatrix::from_diagonal(&(curvature.diagonal() * damping));
                 let Some(step) = damped.cholesky().map(|factor| factor.solve(&gradient)) else { return Ok(None) };
                 let mut moved = u.clone();
@@ -163,27 +168,18 @@ impl Fitter<'_> {
                 let there = self.exact(&moved)?;
                 let value_there = cost(&moved, &there);
                 if value_there < value {
-                    taken = value - value_there > PROMISE_MIN;
                     (u, residuals, value) = (moved, there, value_there);
                     damping = (damping * 0.1).max(1e-9);
                     break;
                 }
                 damping *= 10.0;
             }
-            let own = |k: &usize| effects.contains(&self.coordinates.all[free[*k]].effect);
-            if taken {
-                (0..free.len()).filter(|k| fresh || own(k)).for_each(|k| columns[k] = None);
-            } else if fresh {
+            if before - value < PROMISE_MIN {
                 break;
-            } else {
-                // What was carried over has done its service.
-                fresh = true;
-                damping = DAMPING[0];
-                columns.iter_mut().for_each(|column| *column = None);
             }
         }
         let Some((evidence, covariance)) = evidence(&information, &precision, value) else { return Ok(None) };
-        let columns = columns.into_iter().flatten().collect::<Vec<_>>();
+        let columns: Vec<Column> = columns.into_iter().flatten().map(|(column, _)| column).collect();
         if columns.len() != free.len() {
             return Ok(None);
         }

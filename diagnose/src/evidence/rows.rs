@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Channel, Model, Shaft, Sited, TipModel, TorqueModel};
-use raven::robot::Robot;
+use raven::robot::{Arm, Robot};
 
 use super::data::{Data, WINDOW_S};
 
@@ -14,6 +14,10 @@ const TORQUE_MODEL: f64 = 0.01;
 const TORQUE_ALIKE_S: f64 = 0.2;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s].
 const CREEP_RAD_S: f64 = 1.0;
+
+/// Part of a joint's dry friction that is not known near rest, and how slow that is in speeds below which friction fades.
+const NEAR_REST: f64 = 0.5;
+const SLOW: f64 = 10.0;
 
 /// Recordings of one robot, and how much each residual weighs.
 pub struct Rows<'a> {
@@ -62,7 +66,9 @@ impl<'a> Rows<'a> {
             };
             data.sights.iter().map(factor).collect()
         };
-        let torque_weight = data.iter().map(|data| torque_weights(&data.shafts)).collect();
+        let arm = robot.arm()?;
+        let gear_ratio = Vector3::from_fn(|j, _| robot.joints[j].gear_ratio);
+        let torque_weight = data.iter().map(|data| torque_weights(&arm, &gear_ratio, &data.shafts)).collect();
         Ok(Self { robot, cameras, data, whiten: data.iter().map(whiten).collect(), torque_weight })
     }
 
@@ -178,17 +184,24 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Inverse deviations with which torque samples count: white noise from the samples' own differences, the model's error beside it, and the
-/// latter's likeness over time as fewer samples.
-fn torque_weights(shafts: &[Shaft]) -> Vec<Vector3<f64>> {
+/// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is
+/// not known of friction near rest.
+fn torque_weights(arm: &Arm, gear_ratio: &Vector3<f64>, shafts: &[Shaft]) -> Vec<Vector3<f64>> {
     let mean_square = |j: usize| shafts.iter().map(|s| s.commanded[j].powi(2)).sum::<f64>() / shafts.len().max(1) as f64;
     let model = Vector3::from_fn(|j, _| TORQUE_MODEL * mean_square(j).sqrt());
     let stride_s = shafts.windows(2).map(|w| w[1].time_s - w[0].time_s).fold(f64::INFINITY, f64::min);
     let alike = (TORQUE_ALIKE_S / stride_s).max(1.0);
+    let transmission = &arm.transmission;
     let weight = |shaft: &Shaft| {
+        let rate = transmission.joint_rate_from_motor(&shaft.rate);
         Vector3::from_fn(|j, _| {
             let surely_moving = shaft.rate[j].abs() > CREEP_RAD_S + 0.5 * WINDOW_S * shaft.acceleration[j].abs();
-            if surely_moving && model[j] > 0.0 { 1.0 / (model[j] * alike.sqrt()) } else { 0.0 }
+            if !surely_moving || model[j] == 0.0 {
+                return 0.0;
+            }
+            let friction = arm.link_friction[j].coulomb / transmission.link_radius_m[j] * transmission.cable_per_motor_m[j] * gear_ratio[j];
+            let slow = 1.0 / (1.0 + (rate[j] / (SLOW * arm.stiction_speed(j))).powi(2));
+            1.0 / (model[j].hypot(NEAR_REST * friction * slow) * alike.sqrt())
         })
     };
     shafts.iter().map(weight).collect()

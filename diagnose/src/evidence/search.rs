@@ -137,8 +137,11 @@ impl Fitter<'_> {
         for hypothesis in &fitted {
             outcome.keep(hypothesis);
         }
+        // The screen can promise too much; what it thought less of is no better than the least of what was fitted.
+        let least = fitted.iter().map(|h| h.evidence).fold(f64::INFINITY, f64::min);
         for candidate in candidates.into_iter().skip(near) {
-            outcome.screened.insert(candidate.effects, candidate.evidence);
+            let known = outcome.screened.get(&candidate.effects).copied().unwrap_or(f64::INFINITY);
+            outcome.screened.insert(candidate.effects, candidate.evidence.min(least).min(known));
         }
         Ok(fitted.into_iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence)))
     }
