@@ -6,6 +6,7 @@ pub mod evidence;
 pub mod gap;
 pub mod phase;
 pub mod residual;
+pub mod whereabouts;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
