@@ -31,8 +31,12 @@ use permutation::{Chance, NOWHERE, SAMPLES_MIN, Scores, family_wise};
 
 /// Chance that anything is named where the error is spread evenly.
 pub const LEVEL: f64 = 0.05;
+/// A part stands out if its excess per time is at least this many times that of the rest.
+const MARKED: f64 = 2.0;
 /// Blocks are this many integrated autocorrelation times long.
 const BLOCK_TIMES: f64 = 3.0;
+/// Largest order of the autoregression that prewhitens, in time and for the spectrum: a higher one would take a line out of the latter.
+const ORDER_MAX: [usize; 2] = [8, 1];
 /// Permutations where the recordings are of usual length, and fewest.
 const PERMUTATIONS: [usize; 2] = [1999, 299];
 /// Values sorted into bins in all permutations together, at most.
@@ -66,15 +70,24 @@ pub struct Place {
     pub p: f64,
     /// RMS of the error there, in `unit`.
     pub rms: f64,
-    /// Unit of `rms`.
+    /// RMS that the noise alone would leave there, in `unit`.
+    pub noise_floor: f64,
+    /// Unit of `rms` and `noise_floor`.
     pub unit: &'static str,
 }
 
 impl Place {
-    /// Whether it has more of the error than of the time, beyond chance.
+    /// Whether its error is markedly larger than elsewhere, beyond chance.
     #[must_use]
     pub fn stands_out(&self) -> bool {
-        self.p <= LEVEL && self.share_of_excess > self.share_of_time
+        let (excess, time) = (self.share_of_excess, self.share_of_time);
+        self.p <= LEVEL && excess * (1.0 - time) >= MARKED * time * (1.0 - excess)
+    }
+
+    /// Whether it is a phase of a joint's residual over the whole recording.
+    #[must_use]
+    pub fn is_phase_of_joint(&self) -> bool {
+        self.phase.is_some() && self.horizon_s.is_none() && self.joint.as_ref() == Some(&self.channel)
     }
 }
 
@@ -85,6 +98,18 @@ pub struct Whereabouts {
     pub places: Vec<Place>,
     /// What stands out, in words; says so if nothing does.
     pub sentences: Vec<String>,
+}
+
+impl Whereabouts {
+    /// What a report lists: every part that stands out, the most telling first, then the phases of the joints over the whole recording,
+    /// whatever they hold.
+    #[must_use]
+    pub fn listed(&self) -> Vec<Place> {
+        let mut out: Vec<&Place> = self.places.iter().filter(|place| place.stands_out()).collect();
+        out.sort_by(|a, b| sentences::telling(b).total_cmp(&sentences::telling(a)));
+        let phases = self.places.iter().filter(|place| place.is_phase_of_joint() && !place.stands_out());
+        out.into_iter().chain(phases).cloned().collect()
+    }
 }
 
 /// Looks for parts of the motion that stand out.
@@ -141,7 +166,7 @@ impl Look {
         let squares: Vec<(f64, f64)> = anchored.error.iter().zip(&anchored.noise).map(|(e, n)| (e * e, n * n)).collect();
         let excess = (squares.iter().map(|(e, n)| e - n).sum::<f64>() / squares.len() as f64).max(0.0);
         let even: Vec<f64> = anchored.error.iter().zip(&squares).map(|(e, (_, n))| e / (n + excess).sqrt().max(f64::MIN_POSITIVE)).collect();
-        let white = whiten::whitened(&even, &anchored.fresh);
+        let white = whiten::whitened(&even, &anchored.fresh, ORDER_MAX[0]);
         let horizon = horizon_s.map_or(1.0, |h| h / anchored.interval_s);
 
         let mut look = Self { horizon_s, places: Vec::new(), scores: Vec::new(), ways: Vec::new() };
@@ -165,7 +190,7 @@ impl Look {
             }
         }
         if horizon_s.is_none() {
-            look.frequencies(channel, anchored, &white);
+            look.frequencies(channel, anchored, &whiten::whitened(&even, &anchored.fresh, ORDER_MAX[1]));
         }
         look
     }
@@ -194,6 +219,7 @@ impl Look {
             share_of_time: count as f64 / inside.max(1) as f64,
             p: 1.0,
             rms: (error / count.max(1) as f64).sqrt() * channel.scale,
+            noise_floor: (noise / count.max(1) as f64).sqrt() * channel.scale,
             unit: channel.unit,
         };
         bins.bins.iter().zip(&sums).map(place).collect()
@@ -202,17 +228,20 @@ impl Look {
     /// Frequency bands: the same with ordinates of the periodogram in place of samples.
     fn frequencies(&mut self, channel: &Channel, anchored: &Anchored, white: &[f64]) {
         let ends = anchored.starts.iter().skip(1).copied().chain([anchored.error.len()]);
-        let (mut bands, mut squares, mut ordinates) = (Vec::new(), Vec::new(), Vec::new());
+        let mut lines = Vec::new();
         for (start, end) in anchored.starts.iter().copied().zip(ends) {
             let noise = anchored.noise[start..end].iter().map(|n| n * n).sum::<f64>() / (end - start).max(1) as f64;
             let of_white = spectrum::periodogram(&white[start..end], anchored.interval_s);
             let of_error = spectrum::periodogram(&anchored.error[start..end], anchored.interval_s);
             for ((frequency, power), (_, error)) in of_white.into_iter().zip(of_error) {
-                bands.push(spectrum::band(frequency) as u8);
-                squares.push((error, noise));
-                ordinates.push(power);
+                lines.push((frequency, power, (error, noise)));
             }
         }
+        lines.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let bands: Vec<u8> = lines.iter().map(|(frequency, _, _)| spectrum::band(*frequency) as u8).collect();
+        let squares: Vec<(f64, f64)> = lines.iter().map(|(_, _, squares)| *squares).collect();
+        let mut ordinates: Vec<f64> = lines.iter().map(|(_, power, _)| *power).collect();
+        spectrum::over_continuum(&mut ordinates);
         let half = 0.5 / anchored.interval_s;
         let lower = [0.0].into_iter().chain(spectrum::EDGES_HZ).take_while(|&edge| edge < half);
         let bin = |from: f64| {
@@ -221,7 +250,7 @@ impl Look {
         };
         let bins = Bins { kind: Kind::Frequency, bins: lower.map(bin).collect(), of_sample: Vec::new() };
         self.places.push(self.shares(channel, &bins, &bands, &squares));
-        self.scores.push(Scores { values: ordinates, bins: vec![(bands, bins.bins.len())], chance: Chance::Exponential });
+        self.scores.push(Scores { values: ordinates, bins: vec![(bands, bins.bins.len())], chance: Chance::Spectrum });
         self.ways.push(vec![self.places.len() - 1]);
     }
 }

@@ -4,12 +4,14 @@
 //! to which each is held (max-T; Westfall & Young 1993), so the chance of any false alarm is the level. Series are permuted apart, which
 //! makes the largest of dependent ones larger than it need be: the test errs on the safe side.
 //!
-//! Ordinates of a periodogram are held against those of white noise of the same power, which are exponential: one line among them would
-//! stay one line in every order, and some bin would always have it.
+//! Ordinates of a periodogram are held against exponential deviates, which those of white noise are: one line among them would stay one
+//! line in every order, and some bin would always have it.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+
+use super::spectrum::over_continuum;
 
 /// A sample that is in no bin.
 pub const NOWHERE: u8 = u8::MAX;
@@ -32,8 +34,8 @@ pub struct Scores {
 pub enum Chance {
     /// As blocks of so many samples in a random order.
     Blocks(usize),
-    /// As independent exponential deviates with the same sum.
-    Exponential,
+    /// As exponential deviates over their own continuum.
+    Spectrum,
 }
 
 struct Studentised {
@@ -63,16 +65,26 @@ impl Scores {
         let width: usize = self.bins.iter().map(|(_, count)| count).sum();
         let mut sums = vec![0.0; width * (permutations + 1)];
         let mut shuffled = self.values.clone();
+        let mut until = vec![0.0; self.values.len() + 1];
+        let stretches: Vec<Vec<(usize, u8)>> = self.bins.iter().map(|(bins, _)| stretches(bins)).collect();
         for round in sums.chunks_exact_mut(width.max(1)) {
-            for ((bins, count), &offset) in self.bins.iter().zip(&offsets) {
+            let mut total = 0.0;
+            for (until, value) in until[1..].iter_mut().zip(&shuffled) {
+                total += value;
+                *until = total;
+            }
+            for ((stretches, (_, count)), &offset) in stretches.iter().zip(&self.bins).zip(&offsets) {
                 // One place more than there are bins takes what is nowhere.
-                let mut sum = [0.0; NOWHERE as usize + 1];
-                bins.iter().zip(&shuffled).for_each(|(&bin, value)| sum[usize::from(bin)] += value);
+                let (mut sum, mut before) = ([0.0; NOWHERE as usize + 1], 0.0);
+                for &(end, bin) in stretches {
+                    sum[usize::from(bin)] += until[end] - before;
+                    before = until[end];
+                }
                 round[offset..offset + count].copy_from_slice(&sum[..*count]);
             }
             match self.chance {
                 Chance::Blocks(block) => self.shuffle(block, &mut rng, &mut shuffled),
-                Chance::Exponential => self.draw(&mut rng, &mut shuffled),
+                Chance::Spectrum => draw(&mut rng, &mut shuffled),
             }
         }
         let mut largest = vec![f64::NEG_INFINITY; permutations + 1];
@@ -124,12 +136,17 @@ impl Scores {
             at += length;
         }
     }
+}
 
-    fn draw(&self, rng: &mut ChaCha8Rng, into: &mut [f64]) {
-        into.iter_mut().for_each(|value| *value = -(1.0 - rng.random::<f64>()).ln());
-        let scale = self.values.iter().sum::<f64>() / into.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        into.iter_mut().for_each(|value| *value *= scale);
-    }
+fn draw(rng: &mut ChaCha8Rng, into: &mut [f64]) {
+    into.iter_mut().for_each(|value| *value = -(1.0 - rng.random::<f64>()).ln());
+    over_continuum(into);
+}
+
+/// Where stretches in one bin end, with the bin.
+fn stretches(bins: &[u8]) -> Vec<(usize, u8)> {
+    let ends = (0..bins.len()).filter(|&k| bins.get(k + 1) != Some(&bins[k]));
+    ends.map(|k| (k + 1, bins[k])).collect()
 }
 
 #[cfg(test)]

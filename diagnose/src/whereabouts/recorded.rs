@@ -8,7 +8,7 @@ use raven::camera::{Cameras, Pinhole};
 use raven::effects::{Model, Shaft, Stage, TipModel, TorqueModel};
 use raven::log::{Recording, TipObservation, TipStatus};
 use raven::robot::{Arm, Joint, MotorTrack, Robot};
-use raven::stats::median;
+use raven::stats::{median, rms};
 use raven::Result;
 
 use super::{Channel, Kind, Track};
@@ -20,6 +20,8 @@ use crate::residual::{self, Residuals};
 const AVERAGED_S: f64 = 0.02;
 /// Torque samples this far apart share no motor sample [s].
 const TORQUE_STRIDE_S: f64 = crate::evidence::data::WINDOW_S;
+/// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
+const TORQUE_MODEL: f64 = 0.02;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s]; slower, the torque that a model asks for is arbitrary.
 const SLOWEST_RAD_S: f64 = 1.0;
 /// Root mean square of the third difference of white noise with unit deviation, squared: 1 + 9 + 9 + 1.
@@ -193,7 +195,8 @@ fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueModel, shafts:
     let all_time_s: Vec<f64> = apart.iter().map(|s| s.time_s).collect();
     let rates: Vec<f64> = apart.iter().map(|s| arm.transmission.joint_rate_from_motor(&s.rate)[j]).collect();
     let residual: Vec<f64> = apart.iter().map(|s| (model.delivered(&s.commanded) - model.needed(s))[j]).collect();
-    let noise = white_noise(&residual);
+    let commanded: Vec<f64> = apart.iter().map(|s| s.commanded[j]).collect();
+    let noise = white_noise(&residual).hypot(TORQUE_MODEL * rms(&commanded).unwrap_or(0.0));
     let motors: Vec<Option<Vector3<f64>>> = apart.iter().map(|s| Some(s.angle)).collect();
     let factors = joint_factors(arm, joint, j, &motors, &all_time_s, &rates);
     let moving = |s: &Shaft| s.rate[j].abs() > SLOWEST_RAD_S + 0.5 * TORQUE_STRIDE_S * s.acceleration[j].abs();

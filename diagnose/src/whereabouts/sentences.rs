@@ -8,12 +8,15 @@ use crate::phase::REVERSAL_S;
 const PER_CHANNEL: usize = 2;
 /// Sentences altogether, at most.
 const ALL: usize = 8;
+/// What holds less of the excess than this is not worth a sentence.
+const SHARE_MIN: f64 = 0.1;
 /// A second sentence about a channel has to say at least this share of what the first says.
 const WORTH: f64 = 0.5;
 
 /// The most telling parts that stand out; neighbours of one kind are taken together. One sentence says so if there is none.
 pub(super) fn sentences(channels: &[Channel], places: &[Place]) -> Vec<String> {
     let mut told: Vec<(f64, String)> = Vec::new();
+    let mut of_tip: Vec<Place> = Vec::new();
     for channel in channels {
         let mut merged = merged(channel, places);
         // A band of frequencies says least about a cause: it is named where nothing else is.
@@ -21,11 +24,15 @@ pub(super) fn sentences(channels: &[Channel], places: &[Place]) -> Vec<String> {
             merged.retain(|place| place.kind != Kind::Frequency);
         }
         merged.sort_by(|a, b| telling(b).total_cmp(&telling(a)));
+        merged.retain(|place| place.share_of_excess >= SHARE_MIN);
         let enough = merged.first().map_or(0.0, |best| WORTH * telling(best));
         let mut kinds = Vec::new();
         for place in merged.iter().filter(|place| telling(place) >= enough) {
-            if kinds.len() < PER_CHANNEL && !kinds.contains(&place.kind) {
+            // What one image shows the other shows too.
+            let repeated = of_tip.iter().any(|p| p.kind == place.kind && p.label == place.label && p.horizon_s == place.horizon_s);
+            if kinds.len() < PER_CHANNEL && !kinds.contains(&place.kind) && !repeated {
                 kinds.push(place.kind);
+                of_tip.extend(place.joint.is_none().then(|| place.clone()));
                 told.push((telling(place), sentence(place)));
             }
         }
@@ -38,7 +45,7 @@ pub(super) fn sentences(channels: &[Channel], places: &[Place]) -> Vec<String> {
 }
 
 /// How far the shares of error and time are apart: what the part adds to the information between them [nat].
-fn telling(place: &Place) -> f64 {
+pub(super) fn telling(place: &Place) -> f64 {
     place.share_of_excess * (place.share_of_excess / place.share_of_time.max(f64::MIN_POSITIVE)).ln()
 }
 
@@ -68,7 +75,8 @@ fn merged(channel: &Channel, places: &[Place]) -> Vec<Place> {
 fn sentence(place: &Place) -> String {
     let what = match &place.joint {
         Some(joint) if place.channel == *joint => format!("the {joint}'s excess error"),
-        _ => format!("the excess error of {}", place.channel),
+        Some(joint) => format!("the {joint}'s excess torque error"),
+        None => format!("the excess error of {}", place.channel),
     };
     let over = place.horizon_s.map_or_else(String::new, |h| if h < 1.0 { format!(" over {:.0} ms", h * 1e3) } else { format!(" over {h} s") });
     let p = if place.p < 1e-3 { "p < 0.001".to_owned() } else { format!("p = {:.3}", place.p) };

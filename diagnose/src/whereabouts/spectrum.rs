@@ -1,4 +1,4 @@
-//! Shares of frequency bands: periodogram of a series taken as evenly sampled.
+//! Lines in frequency bands: periodogram of a series taken as evenly sampled, over its own continuum.
 
 /// Upper edges of the bands [Hz]; the last band ends at half the sampling rate.
 pub const EDGES_HZ: [f64; 9] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
@@ -24,6 +24,25 @@ pub fn periodogram(x: &[f64], interval_s: f64) -> Vec<(f64, f64)> {
             (k as f64 / (count as f64 * interval_s), (last * last + before * before - turn * last * before) / count as f64)
         })
         .collect()
+}
+
+/// Ordinates on either side, at least, from which the continuum is taken.
+const CONTINUUM_MIN: usize = 24;
+
+/// Divides ordinates in the order of their frequencies by the geometric mean of their surroundings, which a line hardly moves.
+pub fn over_continuum(ordinates: &mut [f64]) {
+    let mut sums = vec![0.0];
+    let mut sum = 0.0;
+    for power in ordinates.iter() {
+        sum += power.max(f64::MIN_POSITIVE).ln();
+        sums.push(sum);
+    }
+    let count = ordinates.len();
+    for (k, power) in ordinates.iter_mut().enumerate() {
+        let reach = CONTINUUM_MIN.max(k / 3);
+        let (from, to) = (k.saturating_sub(reach), (k + reach + 1).min(count));
+        *power /= ((sums[to] - sums[from]) / (to - from) as f64).exp();
+    }
 }
 
 #[cfg(test)]

@@ -2,12 +2,10 @@
 
 use raven::stats::effective_count;
 
-/// Largest order: more would take out the very peaks that are looked for.
-const ORDER_MAX: usize = 8;
-
-/// Innovations of `x` less its mean, each over its own standard deviation. Where a stretch begins (`fresh`) the lower orders predict.
+/// Innovations of `x` less its mean, each over its own standard deviation. Where a stretch begins (`fresh`) the lower
+/// orders predict. Orders beyond `order_max` are not tried.
 #[must_use]
-pub fn whitened(x: &[f64], fresh: &[bool]) -> Vec<f64> {
+pub fn whitened(x: &[f64], fresh: &[bool], order_max: usize) -> Vec<f64> {
     let mean = x.iter().sum::<f64>() / x.len().max(1) as f64;
     let centred: Vec<f64> = x.iter().map(|v| v - mean).collect();
     // How many samples in a row stand before each one.
@@ -24,7 +22,7 @@ pub fn whitened(x: &[f64], fresh: &[bool]) -> Vec<f64> {
     if power.is_nan() || power <= 0.0 {
         return vec![0.0; x.len()];
     }
-    let covariances: Vec<f64> = (0..=ORDER_MAX).map(covariance).collect();
+    let covariances: Vec<f64> = (0..=order_max).map(covariance).collect();
     let predictors = levinson(&covariances);
     let cost = |order: usize| x.len() as f64 * predictors[order].1.ln() + order as f64 * (x.len() as f64).ln();
     let best = (0..predictors.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0);
@@ -80,7 +78,7 @@ mod tests {
             })
             .collect();
         let fresh: Vec<bool> = (0..x.len()).map(|t| t == 0 || t == 2000).collect();
-        let white = whitened(&x, &fresh);
+        let white = whitened(&x, &fresh, 8);
         assert!(integrated_time(&x) > 3.0, "{}", integrated_time(&x));
         assert!(integrated_time(&white) < 1.2, "{}", integrated_time(&white));
         let variance = white.iter().map(|w| w * w).sum::<f64>() / white.len() as f64;
@@ -89,7 +87,7 @@ mod tests {
 
     #[test]
     fn a_constant_has_nothing_to_foretell() {
-        assert!(whitened(&[2.0; 50], &[false; 50]).iter().all(|&w| w == 0.0));
-        assert!(whitened(&[], &[]).is_empty());
+        assert!(whitened(&[2.0; 50], &[false; 50], 8).iter().all(|&w| w == 0.0));
+        assert!(whitened(&[], &[], 8).is_empty());
     }
 }
