@@ -80,8 +80,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let t0=std::time::Instant::now();let chs=whereabouts::recorded(&robot, cameras.as_ref(), &recordings, &residuals)?;eprintln!("channels {:?}",t0.elapsed());
-    let whereabouts = whereabouts::find(&chs);eprintln!("find {:?}",t0.elapsed());
+    let whereabouts = whereabouts::find(&whereabouts::recorded(&robot, cameras.as_ref(), &recordings, &residuals)?);
     let report = Report::new(&robot, &args.logs, &residuals, whereabouts);
     report.print(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     if let Some(json) = &args.json {
@@ -157,10 +156,10 @@ impl Report {
             let Place { channel, label, unit, rms, p, .. } = place;
             writeln!(out, "{channel:<10} {label:<12} {unit:>4} {rms:>8.2} {excess:>14} {time:>13}  {p:.3}")?;
         }
-        if !self.gap.is_empty() {
+        if !self.where_in_words.is_empty() {
             writeln!(out)?;
         }
-        self.where_in_words.iter().filter(|_| !self.gap.is_empty()).try_for_each(|sentence| writeln!(out, "{sentence}"))
+        self.where_in_words.iter().try_for_each(|sentence| writeln!(out, "{sentence}"))
     }
 }
 

@@ -37,6 +37,9 @@ const MARKED: f64 = 2.0;
 const BLOCK_TIMES: f64 = 3.0;
 /// Largest order of the autoregression that prewhitens, in time and for the spectrum: a higher one would take a line out of the latter.
 const ORDER_MAX: [usize; 2] = [8, 1];
+/// Samples of one periodogram, at most and at least; longer recordings are cut.
+const SPECTRUM_MAX: usize = 2048;
+const SPECTRUM_MIN: usize = 64;
 /// Permutations where the recordings are of usual length, and fewest.
 const PERMUTATIONS: [usize; 2] = [1999, 299];
 /// Values sorted into bins in all permutations together, at most.
@@ -165,7 +168,8 @@ impl Look {
     fn new(channel: &Channel, bins: &[Bins], horizon_s: Option<f64>, anchored: &Anchored) -> Self {
         let squares: Vec<(f64, f64)> = anchored.error.iter().zip(&anchored.noise).map(|(e, n)| (e * e, n * n)).collect();
         let excess = (squares.iter().map(|(e, n)| e - n).sum::<f64>() / squares.len() as f64).max(0.0);
-        let even: Vec<f64> = anchored.error.iter().zip(&squares).map(|(e, (_, n))| e / (n + excess).sqrt().max(f64::MIN_POSITIVE)).collect();
+        let even: Vec<f64> =
+            anchored.error.iter().zip(&squares).map(|(e, (_, n))| e / (n + excess).sqrt().max(f64::MIN_POSITIVE)).collect();
         let white = whiten::whitened(&even, &anchored.fresh, ORDER_MAX[0]);
         let horizon = horizon_s.map_or(1.0, |h| h / anchored.interval_s);
 
@@ -228,8 +232,14 @@ impl Look {
     /// Frequency bands: the same with ordinates of the periodogram in place of samples.
     fn frequencies(&mut self, channel: &Channel, anchored: &Anchored, white: &[f64]) {
         let ends = anchored.starts.iter().skip(1).copied().chain([anchored.error.len()]);
+        let stretches = anchored.starts.iter().copied().zip(ends).flat_map(|(start, end)| {
+            (start..end)
+                .step_by(SPECTRUM_MAX)
+                .map(move |from| (from, end.min(from + SPECTRUM_MAX)))
+                .filter(|(from, to)| to - from >= SPECTRUM_MIN)
+        });
         let mut lines = Vec::new();
-        for (start, end) in anchored.starts.iter().copied().zip(ends) {
+        for (start, end) in stretches {
             let noise = anchored.noise[start..end].iter().map(|n| n * n).sum::<f64>() / (end - start).max(1) as f64;
             let of_white = spectrum::periodogram(&white[start..end], anchored.interval_s);
             let of_error = spectrum::periodogram(&anchored.error[start..end], anchored.interval_s);

@@ -4,12 +4,12 @@
 //! unlike its integral it stays where it arose.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
+use raven::Result;
 use raven::camera::{Cameras, Pinhole};
 use raven::effects::{Model, Shaft, Stage, TipModel, TorqueModel};
 use raven::log::{Recording, TipObservation, TipStatus};
 use raven::robot::{Arm, Joint, MotorTrack, Robot};
 use raven::stats::{median, rms};
-use raven::Result;
 
 use super::{Channel, Kind, Track};
 use crate::evidence::data::Data;
@@ -126,7 +126,14 @@ fn phase_factor(time_s: &[f64], rate: &[f64]) -> Vec<f64> {
 }
 
 /// What an arm's joint may depend on, from the motors at `time_s`.
-fn joint_factors(arm: &Arm, joint: &Joint, j: usize, motors: &[Option<Vector3<f64>>], time_s: &[f64], rate: &[f64]) -> Vec<(Kind, Vec<f64>)> {
+fn joint_factors(
+    arm: &Arm,
+    joint: &Joint,
+    j: usize,
+    motors: &[Option<Vector3<f64>>],
+    time_s: &[f64],
+    rate: &[f64],
+) -> Vec<(Kind, Vec<f64>)> {
     let (_, scale) = joint.display_unit();
     let per_sample = |of: &dyn Fn(&Vector3<f64>) -> f64| motors.iter().map(|m| m.as_ref().map_or(f64::NAN, of)).collect::<Vec<f64>>();
     vec![
@@ -237,9 +244,9 @@ fn tip_tracks(
         let shown_s = model.view.shown_at_s(sight.stamp_s);
         let Some((predicted_m, (angle, rate))) = predicted_m.zip(data.motors.at(shown_s)) else { continue };
         let rows = match cameras {
-            Some(cameras) => observed
-                .get(&nanoseconds(sight.stamp_s))
-                .and_then(|tip| pixel_residuals(cameras, tip, &predicted_m, &sight.covariance_m2)),
+            Some(cameras) => {
+                observed.get(&nanoseconds(sight.stamp_s)).and_then(|tip| pixel_residuals(cameras, tip, &predicted_m, &sight.covariance_m2))
+            }
             None => Some((0..3).map(|k| (sight.position_m[k] - predicted_m[k], sight.covariance_m2[(k, k)].sqrt())).collect()),
         };
         let Some(rows) = rows else { continue };
@@ -253,7 +260,8 @@ fn tip_tracks(
         }
     }
     for track in &mut tracks {
-        track.factors = vec![(Kind::Phase, phase_factor(&track.time_s, &speed)), (Kind::Speed, speed.clone()), (Kind::Image, ninth.clone())];
+        track.factors =
+            vec![(Kind::Phase, phase_factor(&track.time_s, &speed)), (Kind::Speed, speed.clone()), (Kind::Image, ninth.clone())];
     }
     Ok(tracks)
 }

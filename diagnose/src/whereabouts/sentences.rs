@@ -13,7 +13,8 @@ const SHARE_MIN: f64 = 0.1;
 /// A second sentence about a channel has to say at least this share of what the first says.
 const WORTH: f64 = 0.5;
 
-/// The most telling parts that stand out; neighbours of one kind are taken together. One sentence says so if there is none.
+/// The most telling parts that stand out; neighbours of one kind are taken together. One sentence says so if there is none; without
+/// channels there is nothing to say.
 pub(super) fn sentences(channels: &[Channel], places: &[Place]) -> Vec<String> {
     let mut told: Vec<(f64, String)> = Vec::new();
     let mut of_tip: Vec<Place> = Vec::new();
@@ -36,6 +37,9 @@ pub(super) fn sentences(channels: &[Channel], places: &[Place]) -> Vec<String> {
                 told.push((telling(place), sentence(place)));
             }
         }
+    }
+    if channels.is_empty() {
+        return Vec::new();
     }
     if told.is_empty() {
         return vec![format!("No part of the motion stands out (family-wise level {LEVEL}).")];
@@ -78,7 +82,8 @@ fn sentence(place: &Place) -> String {
         Some(joint) => format!("the {joint}'s excess torque error"),
         None => format!("the excess error of {}", place.channel),
     };
-    let over = place.horizon_s.map_or_else(String::new, |h| if h < 1.0 { format!(" over {:.0} ms", h * 1e3) } else { format!(" over {h} s") });
+    let over =
+        place.horizon_s.map_or_else(String::new, |h| if h < 1.0 { format!(" over {:.0} ms", h * 1e3) } else { format!(" over {h} s") });
     let p = if place.p < 1e-3 { "p < 0.001".to_owned() } else { format!("p = {:.3}", place.p) };
     let (excess, time) = (percent(place.share_of_excess), percent(place.share_of_time));
     let of = if place.kind == Kind::Frequency { "bandwidth" } else { "time" };

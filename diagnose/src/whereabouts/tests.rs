@@ -80,9 +80,7 @@ fn a_disturbed_tenth_of_the_time_is_found() {
 #[test]
 fn an_error_once_per_turn_of_the_capstan_is_found_by_angle_or_position() {
     let white = noise(4, 4000);
-    let found = find(&[channel(75.0, |k, _, _, position| {
-        white[k] * if (3.0 * position).rem_euclid(1.0) < 0.125 { 2.5 } else { 1.0 }
-    })]);
+    let found = find(&[channel(75.0, |k, _, _, position| white[k] * if (3.0 * position).rem_euclid(1.0) < 0.125 { 2.5 } else { 1.0 })]);
     let bins = ["0 to 22 deg", "22 to 45 deg"].map(|label| place(&found, Kind::Capstan, label));
     assert!(bins.iter().all(|p| p.stands_out()), "{bins:?}");
     assert!(found.sentences[0].contains("capstan at 0 to 45 deg"), "{:?}", found.sentences);
@@ -111,7 +109,6 @@ fn false_alarms(sets: u64, errors: impl Fn(u64) -> Vec<f64>) -> usize {
 fn white_noise_raises_no_more_false_alarms_than_it_may() {
     let alarms = false_alarms(220, |seed| noise(1000 + seed, 600));
     // Binomial with 5 %: 19 or more of 220 would come up once in fifty.
-    eprintln!("{alarms}");
     assert!(alarms < 19, "{alarms} of 220");
 }
 
@@ -119,10 +116,14 @@ fn white_noise_raises_no_more_false_alarms_than_it_may() {
 fn nor_does_an_evenly_spread_error_that_wanders() {
     let wander = |seed: u64| {
         let (white, mut level) = (noise(5000 + seed, 1200), 0.0);
-        (0..600).map(|k| { level = 0.9 * level + white[2 * k]; 2.0 * level + white[2 * k + 1] }).collect()
+        (0..600)
+            .map(|k| {
+                level = 0.9 * level + white[2 * k];
+                2.0 * level + white[2 * k + 1]
+            })
+            .collect()
     };
     let alarms = false_alarms(220, wander);
-    eprintln!("{alarms}");
     assert!(alarms < 19, "{alarms} of 220");
 }
 
@@ -132,5 +133,5 @@ fn silence_says_so() {
     let found = find(&[channel(75.0, |k, _, _, _| white[k])]);
     assert_eq!(found.sentences.len(), 1);
     assert!(found.sentences[0].starts_with("No part of the motion stands out"), "{:?}", found.sentences);
-    assert!(find(&[]).sentences[0].starts_with("No part of the motion stands out"));
+    assert!(find(&[]).sentences.is_empty());
 }
