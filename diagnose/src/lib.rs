@@ -5,6 +5,7 @@
 pub mod evidence;
 pub mod gap;
 pub mod phase;
+pub mod report;
 pub mod residual;
 pub mod whereabouts;
 
