@@ -41,6 +41,9 @@ pub struct Args {
     /// Writes the report as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Writes the report as one HTML page.
+    #[arg(long)]
+    html: Option<PathBuf>,
 }
 
 /// The report, `raven-diagnosis/1` without a verdict.
@@ -82,20 +85,24 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     bar.finish_and_clear();
     let whereabouts = whereabouts::find(&whereabouts::recorded(&robot, cameras.as_ref(), &recordings, &residuals)?);
-    let report = Report::new(&robot, &args.logs, &residuals, whereabouts);
+    let report = Report::new(&robot, &args.logs, &residuals, &whereabouts);
     report.print(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     if let Some(json) = &args.json {
         cli::write_json(json, &report)?;
+    }
+    if let Some(html) = &args.html {
+        let page = report::gap_page(&robot, &report.recordings, &residuals, &report.gap, &whereabouts);
+        raven::files::write_atomic(html, report::html(&page).as_bytes())?;
     }
     Ok(Outcome::Done)
 }
 
 impl Report {
-    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels], whereabouts: Whereabouts) -> Self {
+    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels], whereabouts: &Whereabouts) -> Self {
         let mut report = Self {
             format: "raven-diagnosis/1",
             places: whereabouts.listed(),
-            where_in_words: whereabouts.sentences,
+            where_in_words: whereabouts.sentences.clone(),
             gap: Vec::new(),
             controller: Vec::new(),
             recordings: logs.iter().map(|path| path.display().to_string()).collect(),

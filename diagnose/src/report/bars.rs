@@ -56,7 +56,7 @@ pub fn phases(index: usize, bars: &PhaseBars) -> String {
         note: String::new(),
     };
     let rows: Vec<Row> = bars.phases.iter().map(row).collect();
-    draw(&format!("phase-{index}"), &format!("{} by phase", bars.channel), &rows, &Columns { label: 96.0, bars: 250.0, note: 0.0 })
+    draw(&format!("phase-{index}"), &format!("{} by phase", bars.channel), &rows, &Columns { label: 88.0, bars: 190.0, note: 0.0 })
 }
 
 fn draw(id: &str, title: &str, rows: &[Row], columns: &Columns) -> String {

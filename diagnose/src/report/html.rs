@@ -82,11 +82,11 @@ fn candidates(candidates: &[Candidate]) -> String {
         let percent = 100.0 * c.probability.clamp(0.0, 1.0);
         let shown = if percent > 0.0 && percent < 0.1 { "&lt; 0.1 %".to_owned() } else { format!("{percent:.1} %") };
         format!(
-            "<tr{}><td>{}</td><td>{}</td><td class=\"bar\"><span style=\"width:{percent:.1}%\"></span></td>\
+            "<tr{}><td class=\"name\">{}</td><td class=\"name\">{}</td><td class=\"bar\"><span style=\"width:{percent:.1}%\"></span></td>\
              <td class=\"n\">{shown}</td><td class=\"n\">{:.1}</td><td>{}</td></tr>\n",
             if c.chosen { " class=\"chosen\"" } else { "" },
             escape(&c.effect),
-            escape(c.joint.as_deref().unwrap_or("whole robot")),
+            escape(c.joint.as_deref().unwrap_or("whole set-up")),
             c.evidence_nats,
             escape(&c.parameters.join(", "))
         )
@@ -104,14 +104,9 @@ fn sensitivity(page: &Page) -> String {
     let mut content = String::new();
     if !page.detectable.is_empty() {
         let row = |d: &super::Detectable| {
-            let joint = d.joint.as_deref().unwrap_or("");
-            format!(
-                "<tr><td>{}</td><td>{}</td><td class=\"n\">{} {}</td></tr>\n",
-                escape(&d.effect),
-                escape(joint),
-                figure(d.size),
-                escape(&d.unit)
-            )
+            let size = if d.unit == "1" { format!("{} %", figure(100.0 * d.size)) } else { format!("{} {}", figure(d.size), d.unit) };
+            let joint = d.joint.as_deref().unwrap_or("whole set-up");
+            format!("<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td></tr>\n", escape(&d.effect), escape(joint), escape(&size))
         };
         let rows: String = page.detectable.iter().map(row).collect();
         content += &format!(

@@ -1,12 +1,14 @@
 //! The report on one page: HTML without scripts or anything from elsewhere, for a screen, bright or dark, and for A4 paper.
 
 mod bars;
+mod gap;
 mod html;
 #[cfg(test)]
 mod sample;
 mod svg;
 mod traces;
 
+pub use gap::gap_page;
 pub use html::html;
 
 /// What the page says. Empty parts are left out.
@@ -126,6 +128,6 @@ pub struct Detectable {
     pub joint: Option<String>,
     /// Size.
     pub size: f64,
-    /// Its unit.
+    /// Its unit; `1` is shown in per cent.
     pub unit: String,
 }

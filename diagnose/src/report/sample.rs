@@ -69,7 +69,7 @@ pub fn sample() -> Page {
             candidate("camera-rotation", None, 0.0009, 805.1, false),
             candidate("cable-coupling", Some("shoulder->elbow"), 0.00001, 640.2, false),
         ],
-        places: vec!["68 % of the elbow's excess error sits within 150 ms of reversals: 9 % of the time (p < 0.001).".to_owned()],
+        places: vec!["68 % of the elbow's excess error sits within 150 ms of reversals, which are 9 % of the time (p < 0.001).".to_owned()],
         traces: vec![trace("shoulder", "deg", 2.0), trace("elbow", "deg", 0.7), trace("insertion", "mm", 1.1)],
         phases: vec![phases("shoulder", "deg", 1.0), phases("elbow", "deg", 0.5), phases("insertion", "mm", 1.4)],
         ties: vec![

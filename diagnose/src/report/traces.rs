@@ -5,11 +5,11 @@ use raven::stats::{median, quantiles};
 use super::Trace;
 use super::svg::{figure, frame, line, rectangle, text, tick, ticks};
 
-const SIZE: [f64; 2] = [960.0, 170.0];
+const SIZE: [f64; 2] = [960.0, 184.0];
 const LEFT: f64 = 56.0;
 const RIGHT: f64 = 952.0;
-const TOP: f64 = 8.0;
-const BOTTOM: f64 = 142.0;
+const TOP: f64 = 22.0;
+const BOTTOM: f64 = 156.0;
 /// Columns that a trace is drawn in; each shows the least and the greatest value in it.
 const COLUMNS: usize = 640;
 /// A pause of more than so many intervals leaves a hole.
@@ -42,7 +42,7 @@ pub fn trace(index: usize, trace: &Trace) -> String {
         }
     }
     inside += &text(RIGHT, BOTTOM + 17.0, "e s", "s");
-    inside += &text(LEFT + 8.0, TOP + 12.0, "", &format!("{} [{}]", trace.channel, trace.unit));
+    inside += &text(LEFT, TOP - 8.0, "", &format!("{} [{}]", trace.channel, trace.unit));
     for (values, class) in [(&trace.before, "line-before"), (&trace.after, "line-after")] {
         for run in runs(&trace.time_s, values) {
             let points: Vec<String> = run.iter().map(|(t, v)| format!("{:.1},{:.1}", x(*t), y(*v))).collect();

@@ -87,7 +87,15 @@ fn sentence(place: &Place) -> String {
     let p = if place.p < 1e-3 { "p < 0.001".to_owned() } else { format!("p = {:.3}", place.p) };
     let (excess, time) = (percent(place.share_of_excess), percent(place.share_of_time));
     let of = if place.kind == Kind::Frequency { "bandwidth" } else { "time" };
-    format!("{excess} of {what}{over} sits {}: {time} of the {of} ({p}).", part(place))
+    format!("{excess} of {what}{over} sits {}, which {} {time} of the {of} ({p}).", part(place), verb(place))
+}
+
+fn verb(place: &Place) -> &'static str {
+    match place.kind {
+        Kind::Speed | Kind::Position => "are",
+        Kind::Phase if ["reversal", "hold"].contains(&place.label.as_str()) => "are",
+        _ => "is",
+    }
 }
 
 fn percent(share: f64) -> String {

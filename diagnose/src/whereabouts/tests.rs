@@ -57,7 +57,12 @@ fn excess_at_reversals_is_found_with_its_share() {
     assert!(reversal.stands_out() && reversal.share_of_excess > 0.9, "{reversal:?}");
     assert!((reversal.rms - 3.0).abs() < 0.3, "{reversal:?}");
     assert!(!place(&found, Kind::Phase, "cruise").stands_out());
-    assert!(found.sentences[0].contains("the elbow's excess error") && found.sentences[0].contains("reversals"), "{:?}", found.sentences);
+    assert!(
+        found.sentences[0].contains("the elbow's excess error")
+            && found.sentences[0].contains("sits within 150 ms of reversals, which are "),
+        "{:?}",
+        found.sentences
+    );
 }
 
 #[test]
