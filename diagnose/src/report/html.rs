@@ -52,10 +52,10 @@ fn section(heading: &str, aside: &str, empty: bool, content: impl FnOnce() -> St
 }
 
 fn legend(has_after: bool, noise: &str) -> String {
-    let after = if has_after { "<span class=\"key k-after\"></span>after" } else { "" };
+    let (before, after) = if has_after { ("before", "<span class=\"key k-after\"></span>after") } else { ("error", "") };
     let noise_class = if noise == "noise floor" { "k-floor" } else { "k-band" };
     format!(
-        "<span class=\"legend\"><span class=\"key k-before\"></span>before{after}<span class=\"key {noise_class}\"></span>{}</span>",
+        "<span class=\"legend\"><span class=\"key k-before\"></span>{before}{after}<span class=\"key {noise_class}\"></span>{}</span>",
         escape(noise)
     )
 }

@@ -252,6 +252,8 @@ impl Look {
         let squares: Vec<(f64, f64)> = lines.iter().map(|(_, _, squares)| *squares).collect();
         let mut ordinates: Vec<f64> = lines.iter().map(|(_, power, _)| *power).collect();
         spectrum::over_continuum(&mut ordinates);
+        // The lowest have no surroundings below them, and with a smooth error the continuum is steep there.
+        let tried = bands.iter().enumerate().map(|(k, &band)| if k < spectrum::CONTINUUM_MIN { NOWHERE } else { band }).collect();
         let half = 0.5 / anchored.interval_s;
         let lower = [0.0].into_iter().chain(spectrum::EDGES_HZ).take_while(|&edge| edge < half);
         let bin = |from: f64| {
@@ -260,7 +262,7 @@ impl Look {
         };
         let bins = Bins { kind: Kind::Frequency, bins: lower.map(bin).collect(), of_sample: Vec::new() };
         self.places.push(self.shares(channel, &bins, &bands, &squares));
-        self.scores.push(Scores { values: ordinates, bins: vec![(bands, bins.bins.len())], chance: Chance::Spectrum });
+        self.scores.push(Scores { values: ordinates, bins: vec![(tried, bins.bins.len())], chance: Chance::Spectrum });
         self.ways.push(vec![self.places.len() - 1]);
     }
 }

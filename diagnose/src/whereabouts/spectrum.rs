@@ -27,7 +27,7 @@ pub fn periodogram(x: &[f64], interval_s: f64) -> Vec<(f64, f64)> {
 }
 
 /// Ordinates on either side, at least, from which the continuum is taken.
-const CONTINUUM_MIN: usize = 24;
+pub const CONTINUUM_MIN: usize = 24;
 
 /// Divides ordinates in the order of their frequencies by the geometric mean of their surroundings, which a line hardly moves.
 pub fn over_continuum(ordinates: &mut [f64]) {
