@@ -68,9 +68,9 @@ fn trace<'a>(channel: &str, unit: &str, scale: f64, recordings: impl Iterator<It
 }
 
 fn phase_bars(joint: &str, whereabouts: &Whereabouts) -> PhaseBars {
-    let of_joint = whereabouts.places.iter().filter(|place| place.is_phase_of_joint() && place.channel == joint);
+    let of_joint: Vec<_> = whereabouts.places.iter().filter(|place| place.is_phase_of_joint() && place.channel == joint).collect();
     let phases: Vec<PhaseBar> = of_joint
-        .clone()
+        .iter()
         .map(|place| PhaseBar {
             phase: place.label.clone(),
             share_of_time: place.share_of_time,
@@ -79,7 +79,7 @@ fn phase_bars(joint: &str, whereabouts: &Whereabouts) -> PhaseBars {
             after: None,
         })
         .collect();
-    PhaseBars { channel: joint.to_owned(), unit: of_joint.last().map_or_else(String::new, |place| place.unit.to_owned()), phases }
+    PhaseBars { channel: joint.to_owned(), unit: of_joint.first().map_or_else(String::new, |place| place.unit.to_owned()), phases }
 }
 
 #[cfg(test)]

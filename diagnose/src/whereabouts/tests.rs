@@ -69,7 +69,7 @@ fn excess_at_reversals_is_found_with_its_share() {
 fn an_error_that_grows_with_the_position_is_found_at_its_end() {
     let white = noise(2, 4000);
     let found = find(&[channel(75.0, |k, _, _, position| white[k] + 1.5 * (position + 1.4))]);
-    let last = found.places.iter().filter(|p| p.kind == Kind::Position && p.horizon_s.is_none()).next_back().unwrap();
+    let last = found.places.iter().rfind(|p| p.kind == Kind::Position && p.horizon_s.is_none()).unwrap();
     assert!(last.stands_out() && last.share_of_excess > 1.5 * last.share_of_time, "{last:?}");
     assert!(found.sentences.iter().any(|s| s.contains("at positions of")), "{:?}", found.sentences);
 }

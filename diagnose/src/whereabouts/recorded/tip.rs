@@ -136,7 +136,7 @@ mod tests {
             Pinhole { width: 640, height: 480, fx: 600.0, fy: 600.0, cx: 319.5, cy: 239.5, distortion: [-0.1, 0.02, 0.001, 0.0, 0.0] };
         let turn = UnitQuaternion::from_euler_angles(0.3, -0.2, 1.0);
         let cameras = Cameras {
-            left: pinhole.clone(),
+            left: pinhole,
             right: pinhole,
             right_from_left: Isometry3::from_parts(Translation3::new(-0.06, 0.0, 0.0), UnitQuaternion::from_euler_angles(0.0, 0.1, 0.0)),
             base_from_left: Some(Isometry3::from_parts(Translation3::new(0.1, -0.2, 0.4), turn)),
