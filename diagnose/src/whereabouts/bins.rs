@@ -67,7 +67,7 @@ pub struct Bins {
     pub kind: Kind,
     /// Parts.
     pub bins: Vec<Bin>,
-    /// Part of each sample, or [`NOWHERE`].
+    /// Part of each sample; 255 where it is in none.
     pub of_sample: Vec<u8>,
 }
 
