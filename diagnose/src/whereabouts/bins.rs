@@ -30,23 +30,6 @@ pub enum Kind {
     Frequency,
 }
 
-impl Kind {
-    /// Name in reports.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Phase => "phase",
-            Self::Speed => "speed",
-            Self::Load => "load",
-            Self::Position => "position",
-            Self::Capstan => "capstan",
-            Self::Time => "time",
-            Self::Image => "image",
-            Self::Frequency => "frequency",
-        }
-    }
-}
-
 /// Names of the ninths of an image.
 const NINTHS: [&str; 9] =
     ["upper left", "upper middle", "upper right", "middle left", "middle", "middle right", "lower left", "lower middle", "lower right"];

@@ -66,12 +66,6 @@ pub(super) struct Anchored {
 }
 
 impl Channel {
-    /// Samples of all recordings.
-    #[must_use]
-    pub fn samples(&self) -> usize {
-        self.tracks.iter().map(|track| track.error.len()).sum()
-    }
-
     /// The error at a horizon; `None` where it cannot be seen.
     pub(super) fn anchored(&self, horizon_s: Option<f64>) -> Option<Anchored> {
         let steps: Vec<f64> = self.tracks.iter().flat_map(|t| t.time_s.windows(2).map(|w| w[1] - w[0])).collect();
