@@ -5,7 +5,9 @@
 pub mod evidence;
 pub mod gap;
 pub mod phase;
+pub mod report;
 pub mod residual;
+pub mod whereabouts;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,8 +19,9 @@ use raven::robot::Robot;
 use raven::{Error, Result};
 use serde::Serialize;
 
-use crate::gap::{Gap, Place, places};
+use crate::gap::Gap;
 use crate::residual::{Channels, Residuals, channels};
+use crate::whereabouts::{Place, Whereabouts};
 
 /// Says how large the gap between a robot and its model is, and where it lies.
 ///
@@ -32,12 +35,15 @@ pub struct Args {
     /// Robot file: the model that the recordings are held against.
     #[arg(long)]
     robot: PathBuf,
-    /// Cameras the tips were tracked with; checked for being readable.
+    /// Cameras the tips were tracked with: the tip's gap is then looked at in pixels.
     #[arg(long)]
     cameras: Option<PathBuf>,
     /// Writes the report as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Writes the report as one HTML page.
+    #[arg(long)]
+    html: Option<PathBuf>,
 }
 
 /// The report, `raven-diagnosis/1` without a verdict.
@@ -46,6 +52,7 @@ pub struct Report {
     format: &'static str,
     #[serde(rename = "where")]
     places: Vec<Place>,
+    where_in_words: Vec<String>,
     gap: Vec<Gap>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     controller: Vec<ControllerDifference>,
@@ -67,30 +74,35 @@ struct ControllerDifference {
 /// If a file cannot be read, or a recording has nothing to compare.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let robot = Robot::read(&args.robot)?;
-    if let Some(cameras) = &args.cameras {
-        raven::camera::Cameras::read(cameras)?;
-    }
+    let cameras = args.cameras.as_deref().map(raven::camera::Cameras::read).transpose()?;
     let bar = cli::progress(args.logs.len() as u64, "reading recordings");
-    let mut recordings = Vec::new();
+    let (mut recordings, mut residuals) = (Vec::new(), Vec::new());
     for path in &args.logs {
         let recording = Recording::read(path, &(&robot).into())?;
-        recordings.push(channels(&recording, &robot)?);
+        residuals.push(channels(&recording, &robot)?);
+        recordings.push(recording);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let report = Report::new(&robot, &args.logs, &recordings);
+    let whereabouts = whereabouts::find(&whereabouts::recorded(&robot, cameras.as_ref(), &recordings, &residuals)?);
+    let report = Report::new(&robot, &args.logs, &residuals, &whereabouts);
     report.print(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     if let Some(json) = &args.json {
         cli::write_json(json, &report)?;
+    }
+    if let Some(html) = &args.html {
+        let page = report::gap_page(&robot, &report.recordings, &residuals, &report.gap, &whereabouts);
+        raven::files::write_atomic(html, report::html(&page).as_bytes())?;
     }
     Ok(Outcome::Done)
 }
 
 impl Report {
-    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels]) -> Self {
+    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels], whereabouts: &Whereabouts) -> Self {
         let mut report = Self {
             format: "raven-diagnosis/1",
-            places: Vec::new(),
+            places: whereabouts.listed(),
+            where_in_words: whereabouts.sentences.clone(),
             gap: Vec::new(),
             controller: Vec::new(),
             recordings: logs.iter().map(|path| path.display().to_string()).collect(),
@@ -100,7 +112,6 @@ impl Report {
             let (unit, scale) = joint.display_unit();
             let of_joint: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
             report.gap.extend(Gap::new(&joint.name, unit, scale, &together(&of_joint)));
-            report.places.extend(places(&joint.name, unit, scale, &of_joint));
             let differences = recordings.iter().filter_map(|r| r.controller_difference.as_ref()?.get(j));
             if let Some(largest) = differences.copied().reduce(f64::max) {
                 report.controller.push(ControllerDifference { joint: joint.name.clone(), unit, largest: largest * scale });
@@ -126,15 +137,7 @@ impl Report {
             let Gap { channel, unit, before, model, noise_floor, observations } = gap;
             writeln!(out, "{channel:<10} {unit:>4} {before:>13.2} {model:>8.2} {noise_floor:>12.2} {observations:>13}")?;
         }
-        if !self.places.is_empty() {
-            writeln!(out, "\nWhere the gap to the model lies")?;
-            writeln!(out, "{:<10} {:<9} {:>4} {:>8} {:>14} {:>13}", "joint", "phase", "unit", "rms", "of the excess", "of the time")?;
-        }
-        for place in &self.places {
-            let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-            let (excess, time) = (percent(place.share_of_excess), percent(place.share_of_time));
-            writeln!(out, "{:<10} {:<9} {:>4} {:>8.2} {excess:>14} {time:>13}", place.joint, place.phase.name(), place.unit, place.rms)?;
-        }
+        self.print_where(out)?;
         if !self.controller.is_empty() {
             writeln!(out, "\nThe controller's own joint angles against transmission kinematics before calibration (largest difference)")?;
         }
@@ -145,6 +148,26 @@ impl Report {
             writeln!(out, "\n{} tips lie where the kinematics cannot reach and were left out of the joints' rows.", self.unreachable)?;
         }
         Ok(())
+    }
+}
+
+impl Report {
+    fn print_where(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let phases: Vec<&Place> = self.places.iter().filter(|place| place.is_phase_of_joint()).collect();
+        if !phases.is_empty() {
+            writeln!(out, "\nWhere the gap to the model lies")?;
+            writeln!(out, "{:<10} {:<12} {:>4} {:>8} {:>14} {:>13}  p", "joint", "phase", "unit", "rms", "of the excess", "of the time")?;
+        }
+        for place in phases {
+            let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+            let (excess, time) = (percent(place.share_of_excess), percent(place.share_of_time));
+            let Place { channel, label, unit, rms, p, .. } = place;
+            writeln!(out, "{channel:<10} {label:<12} {unit:>4} {rms:>8.2} {excess:>14} {time:>13}  {p:.3}")?;
+        }
+        if !self.where_in_words.is_empty() {
+            writeln!(out)?;
+        }
+        self.where_in_words.iter().try_for_each(|sentence| writeln!(out, "{sentence}"))
     }
 }
 

@@ -1,0 +1,184 @@
+//! The page as HTML.
+
+use super::svg::{escape, figure};
+use super::{Candidate, Page, bars, traces};
+
+/// Candidates listed.
+const CANDIDATES: usize = 10;
+
+const STYLE: &str = include_str!("style.css");
+
+/// The page as one HTML document that needs nothing else.
+#[must_use]
+pub fn html(page: &Page) -> String {
+    let has_after = page.gaps.iter().any(|gap| gap.after.is_some()) || page.traces.iter().any(|trace| !trace.after.is_empty());
+    let body = [
+        header(page),
+        section("The gap", &legend(has_after, "noise floor"), page.gaps.is_empty(), || figure_of(&bars::gaps(&page.gaps))),
+        section("What causes it", "", page.candidates.is_empty(), || candidates(&page.candidates)),
+        section("Where it lies", "", page.places.is_empty(), || list("ul", &page.places)),
+        section("Residuals by phase", &legend(has_after, "noise floor"), page.phases.is_empty(), || phases(page)),
+        section("Residuals over time", &legend(has_after, "two deviations of the noise"), page.traces.is_empty(), || {
+            page.traces.iter().enumerate().map(|(k, trace)| figure_of(&traces::trace(k, trace))).collect()
+        }),
+        section("What cannot be told apart", "", page.ties.is_empty(), || list("ul", &page.ties)),
+        section("What to do next", "", page.next_steps.is_empty(), || list("ol", &page.next_steps)),
+        section("What could have been seen", "", page.detectable.is_empty() && page.not_observable.is_empty(), || sensitivity(page)),
+        section("Recordings", "", page.recordings.is_empty(), || list("ul class=\"files\"", &page.recordings)),
+    ]
+    .concat();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
+         <title>{} - diagnosis</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
+        escape(&page.title)
+    )
+}
+
+fn header(page: &Page) -> String {
+    let word = if page.verdict.is_empty() { String::new() } else { format!(" <span class=\"tag\">{}</span>", escape(&page.verdict)) };
+    format!(
+        "<header>\n<p class=\"over\">Sim-to-real diagnosis of {}{word}</p>\n<h1>{}</h1>\n</header>\n",
+        escape(&page.title),
+        escape(&page.verdict_sentence)
+    )
+}
+
+fn section(heading: &str, aside: &str, empty: bool, content: impl FnOnce() -> String) -> String {
+    if empty {
+        return String::new();
+    }
+    format!("<section>\n<h2>{}{aside}</h2>\n{}\n</section>\n", escape(heading), content())
+}
+
+fn legend(has_after: bool, noise: &str) -> String {
+    let (before, after) = if has_after { ("before", "<span class=\"key k-after\"></span>after") } else { ("error", "") };
+    let noise_class = if noise == "noise floor" { "k-floor" } else { "k-band" };
+    format!(
+        "<span class=\"legend\"><span class=\"key k-before\"></span>{before}{after}<span class=\"key {noise_class}\"></span>{}</span>",
+        escape(noise)
+    )
+}
+
+fn figure_of(svg: &str) -> String {
+    format!("<figure>{svg}</figure>\n")
+}
+
+fn list(tag: &str, items: &[String]) -> String {
+    let name = tag.split(' ').next().unwrap_or(tag);
+    let items: String = items.iter().map(|item| format!("<li>{}</li>\n", escape(item))).collect();
+    format!("<{tag}>\n{items}</{name}>")
+}
+
+fn phases(page: &Page) -> String {
+    let one = |(k, of_channel): (usize, &super::PhaseBars)| {
+        format!("<figure><figcaption>{}</figcaption>{}</figure>\n", escape(&of_channel.channel), bars::phases(k, of_channel))
+    };
+    format!("<div class=\"grid\">\n{}</div>", page.phases.iter().enumerate().map(one).collect::<String>())
+}
+
+fn candidates(candidates: &[Candidate]) -> String {
+    let row = |c: &Candidate| {
+        let percent = 100.0 * c.probability.clamp(0.0, 1.0);
+        let shown = if percent > 0.0 && percent < 0.1 { "&lt; 0.1 %".to_owned() } else { format!("{percent:.1} %") };
+        format!(
+            "<tr{}><td class=\"name\">{}</td><td class=\"name\">{}</td><td class=\"bar\"><span style=\"width:{percent:.1}%\"></span></td>\
+             <td class=\"n\">{shown}</td><td class=\"n\">{:.1}</td><td>{}</td></tr>\n",
+            if c.chosen { " class=\"chosen\"" } else { "" },
+            escape(&c.effect),
+            escape(c.joint.as_deref().unwrap_or("whole set-up")),
+            c.evidence_nats,
+            escape(&c.parameters.join(", "))
+        )
+    };
+    let rows: String = candidates.iter().take(CANDIDATES).map(row).collect();
+    let rest = candidates.len().saturating_sub(CANDIDATES);
+    let more = if rest > 0 { format!("<p class=\"small\">{rest} more are less likely.</p>") } else { String::new() };
+    format!(
+        "<table>\n<thead><tr><th scope=\"col\">effect</th><th scope=\"col\">joint</th><th scope=\"col\" colspan=\"2\">probability</th>\
+         <th scope=\"col\" class=\"n\">evidence [nat]</th><th scope=\"col\">numbers</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>{more}"
+    )
+}
+
+fn sensitivity(page: &Page) -> String {
+    let mut content = String::new();
+    if !page.detectable.is_empty() {
+        let row = |d: &super::Detectable| {
+            let size = if d.unit == "1" { format!("{} %", figure(100.0 * d.size)) } else { format!("{} {}", figure(d.size), d.unit) };
+            let joint = d.joint.as_deref().unwrap_or("whole set-up");
+            format!("<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td></tr>\n", escape(&d.effect), escape(joint), escape(&size))
+        };
+        let rows: String = page.detectable.iter().map(row).collect();
+        content += &format!(
+            "<table class=\"narrow\">\n<thead><tr><th scope=\"col\">effect</th><th scope=\"col\">joint</th>\
+             <th scope=\"col\" class=\"n\">smallest size</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n"
+        );
+    }
+    if !page.not_observable.is_empty() {
+        let items: String =
+            page.not_observable.iter().map(|(id, because)| format!("<li><b>{}</b>: {}</li>\n", escape(id), escape(because))).collect();
+        content += &format!("<p>Not observable here:</p>\n<ul>\n{items}</ul>");
+    }
+    content
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample::sample;
+    use super::*;
+
+    #[test]
+    fn the_page_holds_every_part_and_needs_nothing_else() {
+        let page = html(&sample());
+        for part in ["pulley-radius", "What to do next", "Residuals over time", "95 %: 95 to 98 %", "class=\"chosen\"", "smallest size"] {
+            assert!(page.contains(part), "{part}");
+        }
+        // The name space of SVG is a name, not a place.
+        let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
+        assert!(!elsewhere.contains("http") && !elsewhere.contains("url(") && !page.contains("<script") && !page.contains("NaN"));
+        assert_eq!(page.matches("<svg").count(), page.matches("</desc>").count());
+        let ids: Vec<&str> = page.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        let distinct: std::collections::BTreeSet<&str> = ids.iter().copied().collect();
+        assert_eq!(ids.len(), distinct.len(), "{ids:?}");
+        if let Some(folder) = std::env::var_os("RAVEN_SAMPLE_DIR") {
+            std::fs::write(std::path::Path::new(&folder).join("report.html"), page).unwrap();
+        }
+    }
+
+    #[test]
+    fn text_from_files_stays_text() {
+        let mut page = sample();
+        let bad = "<img src=x onerror=\"alert(1)\">".to_owned();
+        page.title.clone_from(&bad);
+        page.verdict.clone_from(&bad);
+        page.verdict_sentence.clone_from(&bad);
+        page.recordings = vec![bad.clone()];
+        page.places = vec![bad.clone()];
+        page.ties = vec![bad.clone()];
+        page.next_steps = vec![bad.clone()];
+        page.not_observable = vec![(bad.clone(), bad.clone())];
+        for gap in &mut page.gaps {
+            (gap.channel, gap.unit) = (bad.clone(), bad.clone());
+        }
+        for candidate in &mut page.candidates {
+            (candidate.effect, candidate.joint, candidate.parameters) = (bad.clone(), Some(bad.clone()), vec![bad.clone()]);
+        }
+        for trace in &mut page.traces {
+            (trace.channel, trace.unit) = (bad.clone(), bad.clone());
+        }
+        for phases in &mut page.phases {
+            (phases.channel, phases.unit) = (bad.clone(), bad.clone());
+            phases.phases.iter_mut().for_each(|p| p.phase.clone_from(&bad));
+        }
+        for d in &mut page.detectable {
+            (d.effect, d.joint, d.unit) = (bad.clone(), Some(bad.clone()), bad.clone());
+        }
+        assert!(!html(&page).contains("<img"));
+    }
+
+    #[test]
+    fn what_is_empty_is_left_out() {
+        let page = html(&Page { title: "raven".to_owned(), verdict_sentence: "No effect is needed.".to_owned(), ..Page::default() });
+        assert!(page.contains("No effect is needed.") && !page.contains("<section") && !page.contains("<svg"));
+    }
+}

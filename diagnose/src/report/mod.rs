@@ -1,0 +1,133 @@
+//! The report on one page: HTML without scripts or anything from elsewhere, for a screen, bright or dark, and for A4 paper.
+
+mod bars;
+mod gap;
+mod html;
+#[cfg(test)]
+mod sample;
+mod svg;
+mod traces;
+
+pub use gap::gap_page;
+pub use html::html;
+
+/// What the page says. Empty parts are left out.
+#[derive(Debug, Clone, Default)]
+pub struct Page {
+    /// Robot, or whatever the page is about.
+    pub title: String,
+    /// The verdict in a word: `explained`.
+    pub verdict: String,
+    /// The verdict in a sentence.
+    pub verdict_sentence: String,
+    /// Recordings behind it.
+    pub recordings: Vec<String>,
+    /// The gap of each channel.
+    pub gaps: Vec<GapBar>,
+    /// Causes that were looked at, best first.
+    pub candidates: Vec<Candidate>,
+    /// Where the gap lies, in sentences.
+    pub places: Vec<String>,
+    /// Residuals over time, channel by channel.
+    pub traces: Vec<Trace>,
+    /// Residuals by phase, channel by channel.
+    pub phases: Vec<PhaseBars>,
+    /// Causes that this recording cannot tell apart, in sentences.
+    pub ties: Vec<String>,
+    /// What to do next, in sentences.
+    pub next_steps: Vec<String>,
+    /// Smallest sizes that the recording could have shown.
+    pub detectable: Vec<Detectable>,
+    /// Causes that cannot show in these recordings: identifier and reason.
+    pub not_observable: Vec<(String, String)>,
+}
+
+/// RMS before and after the causes found are in the model.
+#[derive(Debug, Clone, Default)]
+pub struct GapBar {
+    /// Joint, or `tip`.
+    pub channel: String,
+    /// Unit of the numbers; channels of one unit share a scale.
+    pub unit: String,
+    /// RMS that the measurement's noise alone leaves.
+    pub noise_floor: f64,
+    /// RMS before.
+    pub before: f64,
+    /// RMS after; `None` where nothing was added to the model.
+    pub after: Option<f64>,
+    /// Share of the gap above the noise floor that was closed, with its 95 % interval.
+    pub closed: Option<(f64, [f64; 2])>,
+}
+
+/// A cause.
+#[derive(Debug, Clone, Default)]
+pub struct Candidate {
+    /// Identifier of the effect.
+    pub effect: String,
+    /// Joint; `None` for the whole robot or rig.
+    pub joint: Option<String>,
+    /// From 0 to 1.
+    pub probability: f64,
+    /// Logarithm of the odds over no effect [nat].
+    pub evidence_nats: f64,
+    /// Its numbers in words: `relative_error -5.18 +- 0.04 %`.
+    pub parameters: Vec<String>,
+    /// Whether the verdict takes it for a cause.
+    pub chosen: bool,
+}
+
+/// Residuals of one channel over time.
+#[derive(Debug, Clone, Default)]
+pub struct Trace {
+    /// Joint, or `tip`.
+    pub channel: String,
+    /// Unit of the residuals.
+    pub unit: String,
+    /// Standard deviation of the measurement's noise.
+    pub noise_floor: f64,
+    /// [s].
+    pub time_s: Vec<f64>,
+    /// Residuals before.
+    pub before: Vec<f64>,
+    /// Residuals after; empty where nothing was added to the model.
+    pub after: Vec<f64>,
+}
+
+/// RMS of one channel by phase.
+#[derive(Debug, Clone, Default)]
+pub struct PhaseBars {
+    /// Joint.
+    pub channel: String,
+    /// Unit of the numbers.
+    pub unit: String,
+    /// The phases.
+    pub phases: Vec<PhaseBar>,
+}
+
+/// RMS in one phase.
+#[derive(Debug, Clone, Default)]
+pub struct PhaseBar {
+    /// Name of the phase.
+    pub phase: String,
+    /// Share of the time.
+    pub share_of_time: f64,
+    /// RMS that the measurement's noise alone leaves.
+    pub noise_floor: f64,
+    /// RMS before.
+    pub before: f64,
+    /// RMS after; `None` where nothing was added to the model.
+    pub after: Option<f64>,
+}
+
+/// The smallest size of an effect that would have been named.
+#[derive(Debug, Clone, Default)]
+pub struct Detectable {
+    /// Identifier of the effect.
+    pub effect: String,
+    /// Joint; `None` for the whole robot or rig.
+    pub joint: Option<String>,
+    /// Size.
+    pub size: f64,
+    /// Its unit; `1` is shown in per cent.
+    pub unit: String,
+}

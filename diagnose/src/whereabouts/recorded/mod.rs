@@ -1,0 +1,172 @@
+//! Channels of recordings: motor torque, joints, and the tip.
+//!
+//! The motor's motion is no channel of its own: torque minus what the motion needs is the same residual before it is integrated twice, and
+//! unlike its integral it stays where it arose.
+
+mod tip;
+mod torque;
+
+use nalgebra::Vector3;
+use raven::Result;
+use raven::camera::Cameras;
+use raven::effects::{Model, Stage, TorqueModel};
+use raven::log::Recording;
+use raven::robot::{Arm, Joint, MotorTrack, Robot};
+use raven::stats::median;
+
+use super::{Channel, Kind, Track};
+use crate::evidence::data::Data;
+use crate::phase::{Phase, phases};
+use crate::residual::{self, Residuals};
+use tip::{ninth_at, ninths, pixels_known, tip_channels, tip_tracks};
+use torque::torque_track;
+
+/// Denser residuals are averaged over so long [s]: more samples say no more about motions of a few hertz.
+const AVERAGED_S: f64 = 0.02;
+/// All channels that recordings offer; `residuals` are those of the joints, recording by recording.
+///
+/// # Errors
+/// If a recording has no motor angles, or the model cannot be built.
+pub fn recorded(
+    robot: &Robot,
+    cameras: Option<&Cameras>,
+    recordings: &[Recording],
+    residuals: &[residual::Channels],
+) -> Result<Vec<Channel>> {
+    let joint_channel = |joint: &Joint, stage, name: String, unit, scale| Channel {
+        stage,
+        joint: Some(joint.name.clone()),
+        name,
+        unit,
+        scale,
+        position_unit: joint.display_unit().0,
+        tracks: Vec::new(),
+    };
+    let mut joints: Vec<Channel> = Vec::new();
+    let mut torques: Vec<Channel> = Vec::new();
+    for joint in &robot.joints {
+        let (unit, scale) = joint.display_unit();
+        joints.push(joint_channel(joint, Stage::Transmission, joint.name.clone(), unit, scale));
+        torques.push(joint_channel(joint, Stage::Motor, format!("{} torque", joint.name), "N m", 1.0));
+    }
+    let arm = robot.arm().ok();
+    let seen_in_pixels = pixels_known(cameras, recordings);
+    let mut tips = tip_channels(seen_in_pixels.is_some());
+    for (recording, residuals) in recordings.iter().zip(residuals) {
+        let ninths = seen_in_pixels.map_or_else(Vec::new, |cameras| ninths(recording, &cameras.left, robot.observation.latency));
+        for (j, (channel, residuals)) in joints.iter_mut().zip(&residuals.joints).enumerate() {
+            channel.tracks.push(match &arm {
+                Some(arm) => joint_track(arm, &robot.joints[j], j, &recording.motor_track()?, residuals, &ninths),
+                None => bench_track(recording, &robot.joints[j], j, &averaged(residuals))?,
+            });
+        }
+        if let Some(arm) = &arm {
+            let (model, data) = (Model::new(robot, cameras)?, Data::new(recording, cameras)?);
+            let model_of_torque = TorqueModel::new(&model)?;
+            for (j, channel) in torques.iter_mut().enumerate() {
+                channel.tracks.push(torque_track(arm, &robot.joints[j], j, &model_of_torque, &data.shafts));
+            }
+            let tracks = tip_tracks(&model, arm, &data, recording, seen_in_pixels, &ninths)?;
+            tips.iter_mut().zip(tracks).for_each(|(channel, track)| channel.tracks.push(track));
+        }
+    }
+    let mut all = [torques, joints, tips].concat();
+    all.iter_mut().for_each(|channel| channel.tracks.retain(|track| !track.error.is_empty()));
+    all.retain(|channel| !channel.tracks.is_empty());
+    Ok(all)
+}
+
+fn phase_factor(time_s: &[f64], rate: &[f64]) -> Vec<f64> {
+    let index = |phase: &Phase| Phase::ALL.iter().position(|p| p == phase).map_or(f64::NAN, |k| k as f64);
+    phases(time_s, rate).iter().map(index).collect()
+}
+
+/// What an arm's joint may depend on, from the motors at `time_s`.
+fn joint_factors(
+    arm: &Arm,
+    joint: &Joint,
+    j: usize,
+    motors: &[Option<Vector3<f64>>],
+    time_s: &[f64],
+    rate: &[f64],
+) -> Vec<(Kind, Vec<f64>)> {
+    let (_, scale) = joint.display_unit();
+    let per_sample = |of: &dyn Fn(&Vector3<f64>) -> f64| motors.iter().map(|m| m.as_ref().map_or(f64::NAN, of)).collect::<Vec<f64>>();
+    vec![
+        (Kind::Phase, phase_factor(time_s, rate)),
+        (Kind::Speed, rate.iter().map(|r| r.abs() * scale).collect()),
+        (Kind::Load, per_sample(&|m| arm.dynamics.bias(&arm.transmission.joint_from_motor(m), &Vector3::zeros())[j])),
+        (Kind::Position, per_sample(&|m| arm.transmission.joint_from_motor(m)[j] * scale)),
+        (Kind::Capstan, per_sample(&|m| turn(m[j], joint))),
+    ]
+}
+
+fn turn(motor: f64, joint: &Joint) -> f64 {
+    (motor / joint.gear_ratio / std::f64::consts::TAU).rem_euclid(1.0)
+}
+
+fn joint_track(arm: &Arm, joint: &Joint, j: usize, motor: &MotorTrack, residuals: &Residuals, ninths: &[(f64, f64)]) -> Track {
+    let motors: Vec<Option<Vector3<f64>>> = residuals.time_s.iter().map(|&t| motor.at(t).map(|(angle, _)| angle)).collect();
+    let mut factors = joint_factors(arm, joint, j, &motors, &residuals.time_s, &residuals.rate);
+    factors.push((Kind::Image, residuals.time_s.iter().map(|&t| ninth_at(ninths, t)).collect()));
+    Track { time_s: residuals.time_s.clone(), error: residuals.error.clone(), noise: residuals.noise.clone(), factors }
+}
+
+fn bench_track(recording: &Recording, joint: &Joint, j: usize, residuals: &Residuals) -> Result<Track> {
+    let motor = recording.require_motor()?;
+    let (_, scale) = joint.display_unit();
+    let angles: Vec<f64> = residuals.time_s.iter().map(|&t| motor.interpolate(j, t).unwrap_or(f64::NAN)).collect();
+    let factors = vec![
+        (Kind::Phase, phase_factor(&residuals.time_s, &residuals.rate)),
+        (Kind::Speed, residuals.rate.iter().map(|r| r.abs() * scale).collect()),
+        (Kind::Position, angles.iter().map(|a| (joint.hard_stop + a / joint.ratio()) * scale).collect()),
+        (Kind::Capstan, angles.iter().map(|&a| turn(a, joint)).collect()),
+    ];
+    Ok(Track { time_s: residuals.time_s.clone(), error: residuals.error.clone(), noise: residuals.noise.clone(), factors })
+}
+
+/// Means over [`AVERAGED_S`] of residuals that are denser.
+fn averaged(residuals: &Residuals) -> Residuals {
+    let steps: Vec<f64> = residuals.time_s.windows(2).map(|w| w[1] - w[0]).collect();
+    if median(&steps).is_none_or(|step| step > 0.5 * AVERAGED_S) {
+        return residuals.clone();
+    }
+    let mut all = Residuals::default();
+    let mut from = 0;
+    while let Some(&start) = residuals.time_s.get(from) {
+        let to = residuals.time_s.partition_point(|&t| t < start + AVERAGED_S).max(from + 1);
+        let count = (to - from) as f64;
+        let mean = |column: &[f64]| column[from..to].iter().sum::<f64>() / count;
+        all.time_s.push(mean(&residuals.time_s));
+        all.error.push(mean(&residuals.error));
+        all.rigid_error.push(mean(&residuals.rigid_error));
+        all.noise.push(mean(&residuals.noise) / count.sqrt());
+        all.rate.push(mean(&residuals.rate));
+        from = to;
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dense_residuals_are_averaged_and_their_noise_with_them() {
+        let count = 1000;
+        let ramp: Vec<f64> = (0..count).map(f64::from).collect();
+        let dense = Residuals {
+            time_s: ramp.iter().map(|k| k * 1e-3).collect(),
+            error: ramp.clone(),
+            rigid_error: ramp.clone(),
+            noise: vec![1.0; ramp.len()],
+            rate: ramp,
+        };
+        let thin = averaged(&dense);
+        assert_eq!(thin.error.len(), 50);
+        assert!((thin.error[1] - 29.5).abs() < 1e-9 && (thin.time_s[1] - 0.0295).abs() < 1e-9);
+        assert!((thin.noise[0] - 1.0 / 20.0_f64.sqrt()).abs() < 1e-9);
+        // What is sparse already stays as it is.
+        assert_eq!(averaged(&thin).error, thin.error);
+    }
+}
