@@ -3,6 +3,7 @@
 pub mod coordinates;
 pub mod data;
 pub mod fit;
+pub mod leftover;
 pub mod linear;
 pub mod prior;
 pub mod rows;

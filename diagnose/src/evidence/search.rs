@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::coordinates::ABSENT;
 use super::fit::{Fitter, Hypothesis};
+use super::leftover::Leftover;
 use super::prior;
 use super::screen::Candidate;
 
@@ -29,9 +30,11 @@ pub struct Outcome {
     pub none: Hypothesis,
     /// The most probable hypothesis.
     pub best: Hypothesis,
-    /// Every hypothesis that was fitted, by its effects.
-    pub fitted: BTreeMap<Vec<usize>, Hypothesis>,
-    /// Evidence of those that the screen gave up [nat].
+    /// What the best hypothesis leaves; by so much the evidence of all is tempered.
+    pub leftover: Leftover,
+    /// Every hypothesis that was fitted, by its effects, with its tempered evidence [nat].
+    pub fitted: BTreeMap<Vec<usize>, (Hypothesis, f64)>,
+    /// Tempered evidence, at most, of those that the screen gave up [nat].
     pub screened: BTreeMap<Vec<usize>, f64>,
     effects: usize,
 }
@@ -40,20 +43,16 @@ impl Outcome {
     /// Probability of every hypothesis looked at, most probable first.
     #[must_use]
     pub fn probabilities(&self) -> Vec<(Vec<usize>, f64)> {
-        let fitted = self.fitted.values().map(|h| (h.effects.clone(), h.evidence));
+        let fitted = self.fitted.iter().map(|(effects, (_, evidence))| (effects.clone(), *evidence));
         let screened = self.screened.iter().filter(|(effects, _)| !self.fitted.contains_key(*effects)).map(|(e, z)| (e.clone(), *z));
         prior::probabilities(fitted.chain(screened), self.effects)
     }
 
     fn keep(&mut self, hypothesis: &Hypothesis) {
-        let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |h| h.evidence);
+        let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |(h, _)| h.evidence);
         if hypothesis.evidence > known {
-            self.fitted.insert(hypothesis.effects.clone(), hypothesis.clone());
+            self.fitted.insert(hypothesis.effects.clone(), (hypothesis.clone(), hypothesis.evidence));
         }
-    }
-
-    fn score(&self, hypothesis: &Hypothesis) -> f64 {
-        hypothesis.evidence + prior::log(hypothesis.effects.len(), self.effects)
     }
 }
 
@@ -79,6 +78,7 @@ impl Fitter<'_> {
         let mut outcome = Outcome {
             best: none.clone(),
             none: none.clone(),
+            leftover: Leftover::none(),
             fitted: BTreeMap::new(),
             screened: BTreeMap::new(),
             effects: self.coordinates.sited.len(),
@@ -91,11 +91,11 @@ impl Fitter<'_> {
             let candidates = self.screen(&point, outcome.best.evidence)?;
             let Some(mut best) = self.refitted(&mut outcome, candidates, &REFITTED, &point)? else { break };
             each();
-            if round > 1 && outcome.score(&best) > outcome.score(&outcome.best) {
+            if round > 1 && self.better(&best, &outcome.best) {
                 best = self.reopened(&mut outcome, best)?;
                 each();
             }
-            if outcome.score(&best) <= outcome.score(&outcome.best) {
+            if !self.better(&best, &outcome.best) {
                 break;
             }
             outcome.best = best;
@@ -103,9 +103,7 @@ impl Fitter<'_> {
                 break;
             }
         }
-        if let Some(best) = outcome.fitted.values().max_by(|a, b| outcome.score(a).total_cmp(&outcome.score(b))) {
-            outcome.best = best.clone();
-        }
+        self.temper(&mut outcome);
         Ok(Some(outcome))
     }
 
@@ -118,6 +116,29 @@ impl Fitter<'_> {
         let finite = residuals.iter().chain(columns.iter().flat_map(|column| column.iter())).all(|v| v.is_finite());
         let covariance = nalgebra::DMatrix::zeros(free.len(), free.len());
         Ok(finite.then_some(Hypothesis { effects: Vec::new(), u, free, covariance, evidence: f64::NEG_INFINITY, residuals, columns }))
+    }
+
+    /// Whether a hypothesis is more probable than another when what the richer one leaves counts as noise.
+    fn better(&self, one: &Hypothesis, other: &Hypothesis) -> bool {
+        let richer = if other.effects.len() > one.effects.len() { other } else { one };
+        let leftover = Leftover::of(&richer.residuals, self.rows.tip_rows());
+        let score = |h: &Hypothesis| self.tempered(h, &leftover) + prior::log(h.effects.len(), self.coordinates.sited.len());
+        score(one) > score(other)
+    }
+
+    /// Judges all hypotheses alike: what the best of them leaves counts as noise.
+    fn temper(&self, outcome: &mut Outcome) {
+        outcome.leftover = Leftover::of(&outcome.best.residuals, self.rows.tip_rows());
+        let before = outcome.fitted.values().map(|(h, _)| h.evidence).fold(f64::NEG_INFINITY, f64::max);
+        outcome.fitted.values_mut().for_each(|(h, evidence)| *evidence = self.tempered(h, &outcome.leftover));
+        let after = outcome.fitted.values().map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
+        // Nothing is known of these but that they fell behind, by differences that shrink as all do.
+        let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
+        outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
+        let score = |h: &Hypothesis, evidence: f64| evidence + prior::log(h.effects.len(), outcome.effects);
+        if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| score(&a.0, a.1).total_cmp(&score(&b.0, b.1))) {
+            outcome.best = best.clone();
+        }
     }
 
     /// Fits the best candidates, and returns the best of them.
@@ -153,7 +174,7 @@ impl Fitter<'_> {
             for left_out in best.effects.clone() {
                 let effects: Vec<usize> = best.effects.iter().copied().filter(|&e| e != left_out).collect();
                 let rest = match outcome.fitted.get(&effects) {
-                    Some(known) => Some(known.clone()),
+                    Some((known, _)) => Some(known.clone()),
                     None => {
                         let mut start = best.u.clone();
                         let nowhere = self.nowhere();
@@ -167,7 +188,7 @@ impl Fitter<'_> {
                     self.screen(&rest, rest.evidence)?.into_iter().filter(|c| !outcome.fitted.contains_key(&c.effects)).collect();
                 let replaced = self.refitted(outcome, candidates, &REPLACEMENTS, &rest)?;
                 for hypothesis in [Some(rest), replaced].into_iter().flatten() {
-                    if outcome.score(&hypothesis) > better.as_ref().map_or(outcome.score(&best), |b| outcome.score(b)) {
+                    if self.better(&hypothesis, better.as_ref().unwrap_or(&best)) {
                         better = Some(hypothesis);
                     }
                 }

@@ -9,13 +9,13 @@ mod torque;
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Model, Stage, TorqueModel};
+use raven::effects::{Model, Stage, TipModel, TorqueModel};
 use raven::log::Recording;
 use raven::robot::{Arm, Joint, MotorTrack, Robot};
 use raven::stats::median;
 
 use super::{Channel, Kind, Track};
-use crate::evidence::data::Data;
+use crate::evidence::data::{Data, WINDOW_S};
 use crate::phase::{Phase, phases};
 use crate::residual::{self, Residuals};
 use tip::{ninth_at, ninths, pixels_known, tip_channels, tip_tracks};
@@ -63,8 +63,11 @@ pub fn recorded(
         if let Some(arm) = &arm {
             let (model, data) = (Model::new(robot, cameras)?, Data::new(recording, cameras)?);
             let model_of_torque = TorqueModel::new(&model)?;
+            let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
+            let (_, links) = TipModel::new(&model, &data.motors)?.rolled_out(&[], &times, WINDOW_S);
+            let shafts: Vec<_> = data.shafts.iter().zip(links).filter_map(|(shaft, links)| Some((*shaft, links?))).collect();
             for (j, channel) in torques.iter_mut().enumerate() {
-                channel.tracks.push(torque_track(arm, &robot.joints[j], j, &model_of_torque, &data.shafts));
+                channel.tracks.push(torque_track(arm, &robot.joints[j], j, &model_of_torque, &shafts));
             }
             let tracks = tip_tracks(&model, arm, &data, recording, seen_in_pixels, &ninths)?;
             tips.iter_mut().zip(tracks).for_each(|(channel, track)| channel.tracks.push(track));

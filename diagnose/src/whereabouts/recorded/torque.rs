@@ -1,7 +1,7 @@
 //! Torque that the drives delivered less what their motion needed.
 
 use nalgebra::Vector3;
-use raven::effects::{Shaft, TorqueModel};
+use raven::effects::{LinkMotion, Shaft, TorqueModel};
 use raven::robot::{Arm, Joint};
 use raven::stats::{median, rms};
 
@@ -10,7 +10,7 @@ use super::{Track, joint_factors};
 /// Torque samples this far apart share no motor sample [s].
 const TORQUE_STRIDE_S: f64 = crate::evidence::data::WINDOW_S;
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
-const TORQUE_MODEL: f64 = 0.02;
+const TORQUE_MODEL: f64 = 0.01;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s]; slower, the torque that a model asks for is arbitrary.
 const SLOWEST_RAD_S: f64 = 1.0;
 /// Root mean square of the third difference of white noise with unit deviation, squared: 1 + 9 + 9 + 1.
@@ -19,22 +19,22 @@ const THIRD_DIFFERENCE: f64 = 20.0;
 const MEDIAN_MAGNITUDE: f64 = 0.674_49;
 
 /// Torque delivered less torque needed where the direction of friction is beyond doubt.
-pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueModel, shafts: &[Shaft]) -> Track {
-    let mut apart: Vec<&Shaft> = Vec::new();
+pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueModel, shafts: &[(Shaft, LinkMotion)]) -> Track {
+    let mut apart: Vec<&(Shaft, LinkMotion)> = Vec::new();
     for shaft in shafts {
-        if apart.last().is_none_or(|last| shaft.time_s - last.time_s >= 0.999 * TORQUE_STRIDE_S) {
+        if apart.last().is_none_or(|(last, _)| shaft.0.time_s - last.time_s >= 0.999 * TORQUE_STRIDE_S) {
             apart.push(shaft);
         }
     }
-    let all_time_s: Vec<f64> = apart.iter().map(|s| s.time_s).collect();
-    let rates: Vec<f64> = apart.iter().map(|s| arm.transmission.joint_rate_from_motor(&s.rate)[j]).collect();
-    let residual: Vec<f64> = apart.iter().map(|s| (model.delivered(&s.commanded) - model.needed(s))[j]).collect();
-    let commanded: Vec<f64> = apart.iter().map(|s| s.commanded[j]).collect();
+    let all_time_s: Vec<f64> = apart.iter().map(|(s, _)| s.time_s).collect();
+    let rates: Vec<f64> = apart.iter().map(|(s, _)| arm.transmission.joint_rate_from_motor(&s.rate)[j]).collect();
+    let residual: Vec<f64> = apart.iter().map(|(s, links)| (model.delivered(&s.commanded) - model.needed(s, links))[j]).collect();
+    let commanded: Vec<f64> = apart.iter().map(|(s, _)| s.commanded[j]).collect();
     let noise = white_noise(&residual).hypot(TORQUE_MODEL * rms(&commanded).unwrap_or(0.0));
-    let motors: Vec<Option<Vector3<f64>>> = apart.iter().map(|s| Some(s.angle)).collect();
+    let motors: Vec<Option<Vector3<f64>>> = apart.iter().map(|(s, _)| Some(s.angle)).collect();
     let factors = joint_factors(arm, joint, j, &motors, &all_time_s, &rates);
     let moving = |s: &Shaft| s.rate[j].abs() > SLOWEST_RAD_S + 0.5 * TORQUE_STRIDE_S * s.acceleration[j].abs();
-    let kept: Vec<usize> = (0..apart.len()).filter(|&k| moving(apart[k])).collect();
+    let kept: Vec<usize> = (0..apart.len()).filter(|&k| moving(&apart[k].0)).collect();
     let pick = |column: &[f64]| kept.iter().map(|&k| column[k]).collect::<Vec<f64>>();
     Track {
         time_s: pick(&all_time_s),

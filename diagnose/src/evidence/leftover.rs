@@ -1,0 +1,120 @@
+//! What a hypothesis leaves: by how much its residuals are larger, and more alike from one to the next, than their stated deviations.
+//!
+//! ```text
+//! v_n = mean over blocks of n of (sum of r)^2 / n,   lambda = max over n of v_n / chi2_0.99
+//! ```
+//!
+//! White residuals of unit variance have `v_n = 1` at every length. Evidence with variances `lambda` times the stated ones counts as many
+//! samples as there are independent ones, and what no hypothesis explains as noise.
+
+use nalgebra::{DVector, Vector3};
+use raven::stats::chi_square_quantile;
+
+use super::fit::{Fitter, Hypothesis};
+use super::linear::{dot, evidence, minimum};
+
+/// Lengths of blocks: tips at some ten a second, torque samples fifty.
+const TIP_BLOCKS: [usize; 4] = [1, 8, 30, 120];
+const TORQUE_BLOCKS: [usize; 3] = [10, 50, 250];
+/// A block sum is believed to be too large beyond this quantile.
+const QUANTILE: f64 = 0.99;
+
+/// Variance of residuals over what was stated, 1 at least.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leftover {
+    /// Of tips.
+    pub tip: f64,
+    /// Of each joint's torque.
+    pub torque: Vector3<f64>,
+}
+
+impl Leftover {
+    /// As stated.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { tip: 1.0, torque: Vector3::repeat(1.0) }
+    }
+
+    /// Of residuals, tips before torques, three components each.
+    #[must_use]
+    pub fn of(residuals: &[f64], tip_rows: usize) -> Self {
+        let (tips, torques) = residuals.split_at(tip_rows);
+        let component = |rows: &[f64], j: usize| -> Vec<f64> { rows.iter().skip(j).step_by(3).copied().filter(|v| *v != 0.0).collect() };
+        let tips: Vec<Vec<f64>> = (0..3).map(|j| component(tips, j)).collect();
+        Self { tip: inflation(&tips, &TIP_BLOCKS), torque: Vector3::from_fn(|j, _| inflation(&[component(torques, j)], &TORQUE_BLOCKS)) }
+    }
+
+    /// Weight of every row.
+    fn weights(&self, tip_rows: usize, rows: usize) -> Vec<f64> {
+        (0..rows).map(|k| if k < tip_rows { 1.0 / self.tip } else { 1.0 / self.torque[(k - tip_rows) % 3] }).collect()
+    }
+}
+
+fn inflation(components: &[Vec<f64>], lengths: &[usize]) -> f64 {
+    let of_length = |&n: &usize| {
+        let sums: Vec<f64> =
+            components.iter().flat_map(|rows| rows.chunks_exact(n).map(|block| block.iter().sum::<f64>().powi(2))).collect();
+        let expected = chi_square_quantile(sums.len(), QUANTILE)? * n as f64;
+        Some(sums.iter().sum::<f64>() / expected)
+    };
+    lengths.iter().filter_map(of_length).fold(1.0, f64::max)
+}
+
+impl Fitter<'_> {
+    /// Evidence of a hypothesis [nat] where variances are `leftover` times the stated ones, by its slopes where it was fitted.
+    #[must_use]
+    pub fn tempered(&self, hypothesis: &Hypothesis, leftover: &Leftover) -> f64 {
+        if *leftover == Leftover::none() {
+            return hypothesis.evidence;
+        }
+        let weights = leftover.weights(self.rows.tip_rows(), hypothesis.residuals.len());
+        let weighted: Vec<Vec<f64>> =
+            hypothesis.columns.iter().map(|column| column.iter().zip(&weights).map(|(v, w)| v * w).collect()).collect();
+        let n = weighted.len();
+        let mut information = nalgebra::DMatrix::zeros(n, n);
+        for a in 0..n {
+            for b in 0..=a {
+                let product = dot(&weighted[a], &hypothesis.columns[b]);
+                information[(a, b)] = product;
+                information[(b, a)] = product;
+            }
+        }
+        let score = DVector::from_iterator(n, weighted.iter().map(|column| dot(column, &hypothesis.residuals)));
+        let square: f64 = hypothesis.residuals.iter().zip(&weights).map(|(r, w)| r * r * w).sum();
+        let at = DVector::from_iterator(n, hypothesis.free.iter().map(|&c| hypothesis.u[c]));
+        let prior = |&c: &usize| self.prior(c, &hypothesis.effects).map(|t| t.powi(-2));
+        let precision = DVector::from_iterator(n, hypothesis.free.iter().filter_map(prior));
+        let best = minimum(&information, &score, square, &at, &precision);
+        let Some((found, covariance)) = best.and_then(|(_, cost)| evidence(&information, &precision, cost)) else {
+            return f64::NEG_INFINITY;
+        };
+        let std = |c: usize| hypothesis.free.iter().position(|&f| f == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
+        found + self.half_spaces(&hypothesis.effects, &|c| hypothesis.u[c] / std(c))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn white_residuals_are_as_stated_and_wandering_ones_are_not() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let white: Vec<f64> = (0..6000).map(|_| StandardNormal.sample(&mut rng)).collect();
+        let of_white = Leftover::of(&white, 3000);
+        assert!(of_white.tip < 1.1 && of_white.torque.max() < 1.1, "{of_white:?}");
+        let mut state = [0.0; 3];
+        let wandering: Vec<f64> = (0..6000)
+            .map(|k| {
+                let push: f64 = StandardNormal.sample(&mut rng);
+                state[k % 3] = 0.9 * state[k % 3] + (1.0_f64 - 0.81).sqrt() * push;
+                state[k % 3]
+            })
+            .collect();
+        // An AR(1) of unit variance sums like (1 + a) / (1 - a) = 19 as many.
+        let of_wandering = Leftover::of(&wandering, 6000);
+        assert!((8.0..25.0).contains(&of_wandering.tip), "{of_wandering:?}");
+    }
+}
