@@ -147,9 +147,10 @@ fn main() {
                 .unwrap();
             }
         }
+        println!("   {:?}", outcome.leftover);
         for (set, p) in outcome.probabilities().iter().take(6) {
             print!("   {p:.4}");
-            let Some(h) = outcome.fitted.get(set) else {
+            let Some((h, _)) = outcome.fitted.get(set) else {
                 println!(" screened {set:?}");
                 continue;
             };
