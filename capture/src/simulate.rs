@@ -77,6 +77,8 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         noise_px: args.noise,
         hidden_part: args.occluded,
         start: Stamp::default().plus_seconds(args.start_time),
+        off_nominal: args.off_nominal.unwrap_or(0.0),
+        ..Options::default()
     };
     let session = Session::new(&robot, options)?;
     let duration_s = args.duration.unwrap_or(match args.motion {

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use super::controller::CYCLE_S;
 use super::effect::Effect;
 use super::film::{Scene, Shot, Studio, board_poses, shots, stills};
 use super::motion::{Limits, Motion, Trajectory};
+use super::outside::Outside;
 use super::render::{Board, Tool};
 use super::rig::Rig;
 use super::shutter::{Exposure, Hiding, exposures, hidings};
@@ -41,6 +42,14 @@ pub struct Options {
     pub hidden_part: f64,
     /// First stamp.
     pub start: Stamp,
+    /// Part of their tolerances by which the robot file's and the rig's numbers are off, as a standard deviation; 0 for not at all.
+    pub off_nominal: f64,
+    /// A cause outside the library of effects.
+    pub outside: Option<Outside>,
+    /// Cameras as they are believed to be; by default drawn from the seed.
+    pub cameras: Option<Cameras>,
+    /// Whether the joints have reference encoders: they tell the truth.
+    pub joint_encoders: bool,
 }
 
 impl Default for Options {
@@ -54,6 +63,10 @@ impl Default for Options {
             noise_px: 0.1,
             hidden_part: 0.03,
             start: Stamp::from_ros(1_750_000_000, 0),
+            off_nominal: 0.0,
+            outside: None,
+            cameras: None,
+            joint_encoders: true,
         }
     }
 }
@@ -102,6 +115,9 @@ impl Session {
         if !(0.0..=0.9).contains(&options.hidden_part) {
             return Err(Error::Argument(format!("--occluded is {}, expected 0 to 0.9 of the time.", options.hidden_part)));
         }
+        if !(0.0..=3.0).contains(&options.off_nominal) {
+            return Err(Error::Argument(format!("--off-nominal is {}, expected 0 to 3 tolerances.", options.off_nominal)));
+        }
         let topic = motor_topic(robot);
         if robot.source.topic != topic {
             let given = &robot.source.topic;
@@ -110,7 +126,7 @@ impl Session {
                 robot.name
             )));
         }
-        let truth = Truth::draw(robot, options.seed, options.hidden, &options.effects)?;
+        let truth = Truth::draw(robot, &options)?;
         Ok(Self { robot: robot.clone(), options, truth, studio: OnceLock::new() })
     }
 
@@ -175,8 +191,9 @@ impl Session {
                 let registration = rig.actual.base_from_left.unwrap_or_default();
                 let tool_at = |time_s: f64| {
                     let joint = trace.joint_at(time_s);
+                    let tip_m = kinematics.forward(&joint) + self.base_shift_m(time_s);
                     Tool {
-                        tip: registration.inverse_transform_point(&Point3::from(kinematics.forward(&joint))).coords,
+                        tip: registration.inverse_transform_point(&Point3::from(tip_m)).coords,
                         axis: registration.inverse_transform_vector(&kinematics.axes(&joint).0[2]),
                     }
                 };
@@ -197,7 +214,7 @@ impl Session {
         }
         robot.write_until(&mut log, f64::INFINITY)?;
         written.robot = trace.samples().len();
-        written.joint_encoders = written.robot;
+        written.joint_encoders = if self.options.joint_encoders { written.robot } else { 0 };
         log.attachment("robot.yaml", "application/yaml", self.robot.to_yaml().as_bytes())?;
         if let Some(cameras) = self.cameras().filter(|_| !images) {
             log.attachment("cameras.yaml", "application/yaml", cameras.to_yaml().as_bytes())?;
@@ -269,7 +286,7 @@ impl Session {
             ArmSide::Green => "frame0_green",
         };
         let observer = Observer { rig, delays: &self.truth.delays, noise_px: self.options.noise_px, frame_id };
-        let tip_at = |time_s: f64| kinematics.forward(&trace.joint_at(time_s));
+        let tip_at = |time_s: f64| kinematics.forward(&trace.joint_at(time_s)) + self.base_shift_m(time_s);
         let mut rng = stream(self.truth.seed, &format!("tip {motion}"));
         let [left, _] = self.frames(motion, duration_s);
         left.iter()
@@ -281,6 +298,11 @@ impl Session {
                 observer.observe(time_s, stamp, hidden, tip_at, &mut rng)
             })
             .collect()
+    }
+
+    /// How far the robot's base is from its place at a time [m, frame 0].
+    fn base_shift_m(&self, time_s: f64) -> Vector3<f64> {
+        self.truth.outside.as_ref().map_or_else(Vector3::zeros, |outside| outside.base_shift_m(time_s))
     }
 
     fn check_motion(&self, motion: Motion, duration_s: f64) -> Result<()> {
@@ -353,7 +375,9 @@ impl RobotMessages<'_> {
                     log.joint_states(topics::MOTOR_JOINT_STATES, stamp, &names, &motor.as_slice()[used], Some(&torque.as_slice()[used]))?;
                 }
             }
-            log.joint_states(topics::JOINT_ENCODERS, stamp, &names, &reference(robot, &sample.joint), None)?;
+            if self.session.options.joint_encoders {
+                log.joint_states(topics::JOINT_ENCODERS, stamp, &names, &reference(robot, &sample.joint), None)?;
+            }
             self.next += 1;
         }
         Ok(())
