@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rand::Rng;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::lot::Case;
@@ -145,12 +146,34 @@ impl SealedFolder {
     /// # Errors
     /// If the name is taken, the case does not fit the robot, or a file cannot be written.
     pub fn add(&mut self, robot: &Robot, case: &Case, base: &Options, progress: impl FnMut(f64)) -> Result<Written> {
+        let session = self.session(robot, case, base)?;
+        let written = session.record(case.motion, case.duration_s, &self.recording(&case.name), progress)?;
+        self.labels.insert(case.name.clone(), Label::of(case));
+        self.seal()?;
+        Ok(written)
+    }
+
+    /// As [`Self::add`] for many, on all processors; `each` hears of every recording.
+    ///
+    /// # Errors
+    /// As [`Self::add`]; then no label is added.
+    pub fn add_all(&mut self, robot: &Robot, cases: &[Case], base: &Options, each: impl Fn() + Sync) -> Result<()> {
+        let sessions = cases.iter().map(|case| self.session(robot, case, base)).collect::<Result<Vec<_>>>()?;
+        sessions.par_iter().zip(cases).try_for_each(|(session, case)| {
+            session.record(case.motion, case.duration_s, &self.recording(&case.name), |_| {})?;
+            each();
+            Ok::<(), Error>(())
+        })?;
+        self.labels.extend(cases.iter().map(|case| (case.name.clone(), Label::of(case))));
+        self.seal()
+    }
+
+    /// The lab of a case before the folder's cameras; those of the first case become the folder's.
+    fn session(&mut self, robot: &Robot, case: &Case, base: &Options) -> Result<Session> {
         let recording = self.recording(&case.name);
         if self.labels.contains_key(&case.name) || recording.exists() {
-            return Err(Error::file(
-                &recording,
-                "this recording is already there, and a sealed one is not overwritten; choose another name.",
-            ));
+            let message = "this recording is already there, and a sealed one is not overwritten; choose another name.";
+            return Err(Error::file(&recording, message));
         }
         let options = Options {
             seed: case.seed,
@@ -161,16 +184,13 @@ impl SealedFolder {
             ..base.clone()
         };
         let session = Session::new(robot, options)?;
-        let written = session.record(case.motion, case.duration_s, &recording, progress)?;
         if self.cameras.is_none() {
             self.cameras = session.cameras().cloned();
             if let Some(cameras) = &self.cameras {
                 cameras.write(&self.path.join(CAMERAS))?;
             }
         }
-        self.labels.insert(case.name.clone(), Label::of(case));
-        self.seal()?;
-        Ok(written)
+        Ok(session)
     }
 
     /// Options of a sealed recording unless the caller wants others: a robot within its tolerances.
