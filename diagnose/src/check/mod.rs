@@ -36,7 +36,7 @@ use raven::{Error, Result};
 ///   raven-diagnose check blind/ --robot robot.yaml
 ///   raven-diagnose check --simulate 100 --seed 5
 #[derive(Debug, Parser)]
-#[command(name = "raven-diagnose check", version, verbatim_doc_comment)]
+#[command(bin_name = "raven-diagnose check", no_binary_name = true, version, verbatim_doc_comment)]
 pub struct Args {
     /// Folder with recordings, cameras.yaml, labels.json and labels.sha256.
     #[arg(required_unless_present = "simulate", conflicts_with = "simulate")]
