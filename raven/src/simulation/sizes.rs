@@ -10,12 +10,16 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::effect::{Effect, EffectKind, Scope};
+use super::motion::Motion;
+use super::session::{Options, Session};
 use crate::robot::{Arm, JointType, Robot};
 use crate::{Error, Result};
 
 /// Where in its range a joint works most, as a part of the range.
 pub(super) const WORKED_PART: [f64; 3] = [0.5, 0.5, 0.32];
 
+/// Length of the motion in which a drive's peak torque is looked for [s].
+const PEAK_S: f64 = 10.0;
 /// A cable does not stiffen over less [m]: its force would grow beyond any bound within a step.
 const SHORTEST_M: f64 = 2e-6;
 
@@ -44,7 +48,8 @@ pub fn draw_effect(robot: &Robot, kind: EffectKind, target: Option<&str>, rng: &
     };
     let revolute = robot.joints.get(j).is_some_and(|joint| joint.kind == JointType::Revolute);
     let mut by_lot = ByLot { rng, revolute };
-    let values = by_lot.values(kind, &Loads::of(robot, &arm, j).ok_or_else(|| no_cable(robot, j))?);
+    let loads = Loads::of(&arm, j).ok_or_else(|| no_cable(robot, j))?;
+    let values = by_lot.values(kind, &loads, || peak_torque(robot, j))?;
     Effect::new(kind, target, &values)
 }
 
@@ -59,21 +64,22 @@ struct Loads {
     tension_n: f64,
     /// Stretch under it [m].
     stretch_m: f64,
-    /// Torque after the gear box against gravity and dry friction [N m].
-    torque: f64,
 }
 
 impl Loads {
     /// `None` for a cable without stiffness.
-    fn of(robot: &Robot, arm: &Arm, j: usize) -> Option<Self> {
-        let joint = &robot.joints[j];
+    fn of(arm: &Arm, j: usize) -> Option<Self> {
         let gravity = arm.dynamics.bias(&worked_pose(arm), &Vector3::zeros());
         let tension_n = arm.transmission.tension_n(&gravity)[j].abs();
-        let friction_n = arm.link_friction[j].coulomb / joint.link_pulley_radius;
-        let torque = joint.motor_capstan_radius * (tension_n + friction_n) + joint.gear_ratio * arm.motors[j].coulomb_friction;
         let stiffness_n = arm.cables[j].stiffness;
-        (stiffness_n > 0.0).then(|| Self { tension_n, stretch_m: 0.5 * tension_n / stiffness_n, torque })
+        (stiffness_n > 0.0).then(|| Self { tension_n, stretch_m: 0.5 * tension_n / stiffness_n })
     }
+}
+
+/// The most that the nominal robot asks of a drive in the motion `rich` [N m after the gear box].
+fn peak_torque(robot: &Robot, j: usize) -> Result<f64> {
+    let (_, trace) = Session::new(robot, Options::default())?.run(Motion::Rich, PEAK_S, || {})?;
+    Ok(trace.samples().iter().map(|sample| sample.cycle.torque_asked[j].abs()).fold(0.0, f64::max))
 }
 
 /// The pose in the middle of an arm's work [rad, rad, m].
@@ -87,9 +93,9 @@ struct ByLot<'a, R> {
 }
 
 impl<R: Rng> ByLot<'_, R> {
-    fn values(&mut self, kind: EffectKind, loads: &Loads) -> Vec<f64> {
+    fn values(&mut self, kind: EffectKind, loads: &Loads, peak_torque: impl Fn() -> Result<f64>) -> Result<Vec<f64>> {
         use EffectKind::*;
-        match kind {
+        Ok(match kind {
             PulleyRadius => vec![self.signed(0.01, 0.07)],
             JointOffset => vec![self.signed_at_joint([0.3, 2.5], [1.0, 4.0])],
             CableCoupling if self.revolute => vec![self.signed(0.03, 0.06)],
@@ -109,11 +115,13 @@ impl<R: Rng> ByLot<'_, R> {
             Payload => vec![self.log(0.05, 0.4)],
             LinkInertia => vec![self.either([0.7, 0.8], [1.2, 1.4])],
             MotorCoulombFriction => vec![self.either([0.3, 0.65], [1.5, 3.0])],
-            MotorViscousFriction => vec![self.log(2.0, 8.0)],
+            // No more than the drives can follow: a robot that loses its path is not recorded. The insertion's motor turns the fastest.
+            MotorViscousFriction if self.revolute => vec![self.log(2.0, 5.0)],
+            MotorViscousFriction => vec![self.log(1.3, 1.6)],
             MotorInertia => vec![self.log(2.0, 4.0)],
             StribeckFriction => vec![self.log(0.1, 1.0), self.log(2.0, 10.0)],
             TorqueConstant => vec![1.0 + self.signed(0.06, 0.25)],
-            TorqueSaturation => vec![loads.torque * self.log(1.1, 1.5)],
+            TorqueSaturation => vec![peak_torque()? * self.log(0.6, 0.85)],
             TorqueRipple => vec![self.signed(1e-3, 4e-3), f64::from(self.rng.random_range(3..13_u32))],
             ToolLength => vec![self.signed(1e-3, 6e-3)],
             LinkAngleError => vec![self.signed(0.5, 2.0).to_radians()],
@@ -126,7 +134,7 @@ impl<R: Rng> ByLot<'_, R> {
             StereoDesync => vec![self.signed(0.005, 0.033)],
             RollingShutter => vec![self.log(0.010, 0.060)],
             MissedCounts => vec![self.signed(500.0, 5000.0).round(), self.rng.random_range(0.2..0.8)],
-        }
+        })
     }
 
     /// Log-uniform.
