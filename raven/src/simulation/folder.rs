@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 
 use super::lot::Case;
 use super::off_nominal::SEALED_FACTOR;
-use super::session::{Options, Session, Written};
+use super::options::Options;
+use super::session::{Session, Written};
 use super::truth::stream;
 use crate::camera::Cameras;
 use crate::robot::Robot;

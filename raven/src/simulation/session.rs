@@ -7,69 +7,20 @@ use std::sync::OnceLock;
 use nalgebra::{Point3, Vector3};
 
 use super::controller::CYCLE_S;
-use super::effect::Effect;
 use super::film::{Scene, Shot, Studio, board_poses, shots, stills};
 use super::motion::{Limits, Motion, Trajectory};
-use super::outside::Outside;
+use super::options::Options;
 use super::render::{Board, Tool};
 use super::rig::Rig;
 use super::shutter::{Exposure, Hiding, exposures, hidings};
 use super::state::{raven_state, reference};
 use super::tip::Observer;
 use super::trace::{Recorder, Trace};
-use super::truth::{Hidden, Truth, stream};
+use super::truth::{Truth, stream};
 use crate::camera::Cameras;
-use crate::log::{LogWriter, Side, Stamp, Times, TipObservation, TipStatus, topics};
+use crate::log::{LogWriter, Side, Times, TipObservation, TipStatus, topics};
 use crate::robot::{ArmSide, JointType, Kinematics, KinematicsKind, Robot, SourceFormat};
 use crate::{Error, Result};
-
-/// What a session is made of.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Everything follows from it.
-    pub seed: u64,
-    /// Preset of hidden effects.
-    pub hidden: Hidden,
-    /// More hidden effects.
-    pub effects: Vec<Effect>,
-    /// Whether recordings hold images, or the tip as a tracker would find it.
-    pub images: bool,
-    /// Frames per second.
-    pub rate_hz: f64,
-    /// Standard deviation of a tracked coordinate, where there are no images [px].
-    pub noise_px: f64,
-    /// Part of the time during which something hides the marker.
-    pub hidden_part: f64,
-    /// First stamp.
-    pub start: Stamp,
-    /// Part of their tolerances by which the robot file's and the rig's numbers are off, as a standard deviation; 0 for not at all.
-    pub off_nominal: f64,
-    /// A cause outside the library of effects.
-    pub outside: Option<Outside>,
-    /// Cameras as they are believed to be; by default drawn from the seed.
-    pub cameras: Option<Cameras>,
-    /// Whether the joints have reference encoders: they tell the truth.
-    pub joint_encoders: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            seed: 7,
-            hidden: Hidden::None,
-            effects: Vec::new(),
-            images: false,
-            rate_hz: 15.0,
-            noise_px: 0.1,
-            hidden_part: 0.03,
-            start: Stamp::from_ros(1_750_000_000, 0),
-            off_nominal: 0.0,
-            outside: None,
-            cameras: None,
-            joint_encoders: true,
-        }
-    }
-}
 
 /// What a recording holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -106,18 +57,7 @@ impl Session {
     /// # Errors
     /// If the file lacks what a plant needs, an effect does not fit, or a number makes no sense.
     pub fn new(robot: &Robot, options: Options) -> Result<Self> {
-        if !(1.0..=240.0).contains(&options.rate_hz) {
-            return Err(Error::Argument(format!("--rate is {}, expected 1 to 240 frames per second.", options.rate_hz)));
-        }
-        if !(0.0..=10.0).contains(&options.noise_px) {
-            return Err(Error::Argument(format!("--noise is {}, expected 0 to 10 px.", options.noise_px)));
-        }
-        if !(0.0..=0.9).contains(&options.hidden_part) {
-            return Err(Error::Argument(format!("--occluded is {}, expected 0 to 0.9 of the time.", options.hidden_part)));
-        }
-        if !(0.0..=3.0).contains(&options.off_nominal) {
-            return Err(Error::Argument(format!("--off-nominal is {}, expected 0 to 3 tolerances.", options.off_nominal)));
-        }
+        options.check()?;
         let topic = motor_topic(robot);
         if robot.source.topic != topic {
             let given = &robot.source.topic;

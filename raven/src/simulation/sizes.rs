@@ -11,7 +11,8 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::effect::{Effect, EffectKind, Scope};
 use super::motion::Motion;
-use super::session::{Options, Session};
+use super::options::Options;
+use super::session::Session;
 use crate::robot::{Arm, JointType, Robot};
 use crate::{Error, Result};
 
