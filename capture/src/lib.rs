@@ -1,6 +1,7 @@
 //! Records, simulates and checks sessions.
 
 pub mod check;
+pub mod seal;
 pub mod simulate;
 pub mod steps;
 

@@ -6,21 +6,23 @@ use std::path::PathBuf;
 use raven::cli::{self, Outcome};
 use raven::log::Stamp;
 use raven::robot::{Robot, nominal};
-use raven::simulation::{Effect, Hidden, Motion, Options, Session};
+use raven::simulation::{Effect, Hidden, Lot, Motion, Options, SEALED_FACTOR, Session};
 use raven::{Error, Result};
+
+use crate::seal;
 
 /// Arguments of `raven-capture simulate`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  raven-capture simulate --motion sinusoid --duration 40 --effect pulley-radius:shoulder=-0.05 -o sinusoid.mcap"
+    after_help = "Example:\n  raven-capture simulate --motion sinusoid --duration 40 --effect pulley-radius:shoulder=-0.05 -o sinusoid.mcap\n  raven-capture simulate --seal blind --lot single"
 )]
 pub struct Args {
     /// Robot file, which the virtual controller believes; by default the nominal Raven-II, gold arm.
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// board, hardstop, sinusoid, fls (fls1, fls2, ... are other trials), rich, or bench for a bench.
-    #[arg(long)]
-    pub motion: Motion,
+    #[arg(long, required_unless_present = "seal")]
+    pub motion: Option<Motion>,
     /// Length of the recording [s]: 60 if left off, 3 at the hard stop, 32 for the board, which is shown in a new pose every second.
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
@@ -42,9 +44,21 @@ pub struct Args {
     /// Preset of hidden effects: none, or lab for what a lab finds.
     #[arg(long, default_value = "none")]
     pub hidden: Hidden,
-    /// Everything follows from it: the same seed gives the same bytes, and all recordings of one seed are of one lab.
-    #[arg(long, default_value_t = 7)]
-    pub seed: u64,
+    /// Part of their tolerances by which the robot file's numbers and the rig's are off, as a standard deviation: 0 if left off, 0.7 of
+    /// sealed recordings.
+    #[arg(long, value_name = "PART")]
+    pub off_nominal: Option<f64>,
+    /// Add a recording to this folder and seal what it hides in labels.json and labels.sha256; nothing in the recording tells it.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["hidden", "truth", "cameras_out"])]
+    pub seal: Option<PathBuf>,
+    /// What a sealed recording hides, drawn by lot where no --effect is given: single, pair, none, outside (a cause that is not in the
+    /// library) or any.
+    #[arg(long, requires = "seal", conflicts_with = "effect")]
+    pub lot: Option<Lot>,
+    /// Everything follows from it: the same seed gives the same bytes, and all recordings of one seed are of one lab. 7 if left off; of a sealed
+    /// recording one that nobody knows.
+    #[arg(long)]
+    pub seed: Option<u64>,
     /// First stamp [s since 1970].
     #[arg(long, default_value_t = 1_750_000_000.0, value_name = "SECONDS")]
     pub start_time: f64,
@@ -54,9 +68,9 @@ pub struct Args {
     /// Write the cameras as a perfect calibration would describe them.
     #[arg(long, value_name = "FILE")]
     pub cameras_out: Option<PathBuf>,
-    /// The recording.
-    #[arg(short, long, value_name = "FILE")]
-    pub output: PathBuf,
+    /// The recording; with --seal its name in that folder, r001.mcap and so on if left off.
+    #[arg(short, long, value_name = "FILE", required_unless_present = "seal")]
+    pub output: Option<PathBuf>,
 }
 
 /// Records a virtual lab.
@@ -69,7 +83,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         return Err(Error::Argument(format!("--start-time is {}, expected seconds since 1970.", args.start_time)));
     }
     let options = Options {
-        seed: args.seed,
+        seed: args.seed.unwrap_or_else(|| Options::default().seed),
         hidden: args.hidden,
         effects: args.effect.clone(),
         images: args.images,
@@ -77,15 +91,23 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         noise_px: args.noise,
         hidden_part: args.occluded,
         start: Stamp::default().plus_seconds(args.start_time),
+        off_nominal: args.off_nominal.unwrap_or(if args.seal.is_some() { SEALED_FACTOR } else { 0.0 }),
+        ..Options::default()
+    };
+    if let Some(folder) = &args.seal {
+        return seal::run(args, folder, &robot, &options, out);
+    }
+    let (Some(motion), Some(output)) = (args.motion, args.output.as_deref()) else {
+        return Err(Error::Argument("--motion and -o are missing; without --seal both are needed.".to_owned()));
     };
     let session = Session::new(&robot, options)?;
-    let duration_s = args.duration.unwrap_or(match args.motion {
+    let duration_s = args.duration.unwrap_or(match motion {
         Motion::Hardstop => 3.0,
         Motion::Board => 32.0,
         _ => 60.0,
     });
     let bar = cli::progress(1000, "simulating");
-    let written = session.record(args.motion, duration_s, &args.output, |done| bar.set_position((1000.0 * done) as u64))?;
+    let written = session.record(motion, duration_s, output, |done| bar.set_position((1000.0 * done) as u64))?;
     bar.finish_and_clear();
     if let Some(path) = &args.truth {
         cli::write_json(path, &session.truth_json())?;
@@ -96,8 +118,8 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     let text = format!(
         "{}: {}, {duration_s} s, {} robot states, {} tips ({} hidden), {} + {} images\n",
-        args.output.display(),
-        args.motion,
+        output.display(),
+        motion,
         written.robot,
         written.tips,
         written.tips_hidden,

@@ -1,7 +1,12 @@
 //! Prints hypotheses.
 use raven::log::Recording;
 use raven::robot::Robot;
-use raven_diagnose::evidence::{coordinates::Coordinates, data::Data, fit::Fitter, rows::Rows};
+use raven_diagnose::evidence::{
+    coordinates::Coordinates,
+    data::Data,
+    fit::Fitter,
+    rows::{Observed, Rows},
+};
 fn main() {
     let robot = Robot::read(std::env::var("ROBOT").unwrap_or("/work/shared/robot/raven2-gold.yaml".into()).as_ref()).unwrap();
     let mut args = std::env::args().skip(1);

@@ -2,6 +2,7 @@
 //!
 //! The simulator is the robot model with the parameter file in hand; the gap is what a recording says against it.
 
+pub mod check;
 pub mod evidence;
 pub mod gap;
 pub mod phase;
@@ -13,6 +14,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
+use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::Recording;
 use raven::robot::Robot;
@@ -26,6 +28,7 @@ use crate::whereabouts::{Place, Whereabouts};
 /// Says how large the gap between a robot and its model is, and where it lies.
 ///
 ///   raven-diagnose tracked.mcap --robot robot.yaml --json report.json
+///   raven-diagnose check blind/ --robot robot.yaml    # verdicts on sealed recordings, then the score; see check --help
 #[derive(Debug, Parser)]
 #[command(name = "raven-diagnose", version, verbatim_doc_comment)]
 pub struct Args {
@@ -68,13 +71,28 @@ struct ControllerDifference {
     largest: f64,
 }
 
+/// The verdict on one recording: what the blind check judges.
+///
+/// # Errors
+/// If the recording cannot be read or has nothing to hold against the model.
+pub fn diagnose_recording(log: &Path, robot: &Robot, cameras: Option<&Cameras>) -> Result<check::Verdict> {
+    let (robot, cameras) = (&robot.name, if cameras.is_some() { "with" } else { "without" });
+    Err(Error::Data(format!(
+        "{}: this build has no diagnosis that names effects (robot `{robot}`, {cameras} cameras): there is no verdict to check.",
+        log.display()
+    )))
+}
+
+/// The verdict of a diagnosis that is told what a recording hides; `None` where there is none.
+pub const ORACLE: Option<&check::Oracle<'static>> = None;
+
 /// Runs the program.
 ///
 /// # Errors
 /// If a file cannot be read, or a recording has nothing to compare.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let robot = Robot::read(&args.robot)?;
-    let cameras = args.cameras.as_deref().map(raven::camera::Cameras::read).transpose()?;
+    let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let bar = cli::progress(args.logs.len() as u64, "reading recordings");
     let (mut recordings, mut residuals) = (Vec::new(), Vec::new());
     for path in &args.logs {

@@ -3,7 +3,7 @@
 use raven::effects::{Channel, Effect, Scale, Scope, Sited};
 use raven::robot::{JointType, Robot};
 
-use super::rows::{Rows, Setting};
+use super::rows::{Observed, Setting};
 
 /// One number of one effect at one place.
 #[derive(Debug, Clone, Copy)]
@@ -31,14 +31,14 @@ pub struct Coordinates {
 impl Coordinates {
     /// Of a robot and what was recorded.
     #[must_use]
-    pub fn new(robot: &Robot, rows: &Rows) -> Self {
+    pub fn new(robot: &Robot, rows: &dyn Observed) -> Self {
         let mut not_observable: Vec<(&'static Effect, &'static str)> = Vec::new();
         let mut sited = Vec::new();
         for each in Sited::all(robot) {
             let channels = each.effect.channels;
             let shows = channels.iter().any(|channel| match channel {
-                Channel::Torque => rows.has_torque(),
-                Channel::Tip => rows.has_tip(),
+                Channel::Torque => rows.torque_rows() > 0,
+                Channel::Tip => rows.tip_rows() > 0,
             });
             let because = if !shows && channels == [Channel::Torque] {
                 Some("the recording has no motor torque")

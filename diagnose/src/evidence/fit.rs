@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::coordinates::Coordinates;
 use super::linear::{dot, evidence};
-use super::rows::{ALL, Links, Rows};
+use super::rows::{ALL, Links, Observed};
 
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
 const DIFFERENCE: f64 = 0.02;
@@ -65,7 +65,7 @@ impl Hypothesis {
 /// Fits hypotheses to recordings.
 pub struct Fitter<'a> {
     /// Recordings.
-    pub rows: &'a Rows<'a>,
+    pub rows: &'a dyn Observed,
     /// Numbers.
     pub coordinates: &'a Coordinates,
 }

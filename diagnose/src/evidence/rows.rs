@@ -48,6 +48,28 @@ pub struct Inflation {
     pub torque: Vector3<f64>,
 }
 
+/// Recordings as hypotheses see them.
+pub trait Observed: Sync {
+    /// The nominal robot.
+    fn robot(&self) -> &Robot;
+
+    /// Rows of tips (on a bench: of joint encoders), three per sight, before those of torques.
+    fn tip_rows(&self) -> usize;
+
+    /// Rows of torques, three per sample.
+    fn torque_rows(&self) -> usize;
+
+    /// Whether the rig's lenses are known.
+    fn has_cameras(&self) -> bool;
+
+    /// Whitened measured less predicted with effects built in; rolled out or, fifty times as fast, settled. Channels that are not asked
+    /// for are zero, as are rows that say nothing.
+    ///
+    /// # Errors
+    /// If the robot does not fit the recordings.
+    fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>>;
+}
+
 /// Both channels.
 pub const ALL: [Channel; 2] = [Channel::Tip, Channel::Torque];
 
@@ -70,36 +92,6 @@ impl<'a> Rows<'a> {
         let gear_ratio = Vector3::from_fn(|j, _| robot.joints[j].gear_ratio);
         let torque_weight = data.iter().map(|data| torque_weights(&arm, &gear_ratio, &data.shafts)).collect();
         Ok(Self { robot, cameras, data, whiten: data.iter().map(whiten).collect(), torque_weight })
-    }
-
-    /// Whether any recording has tips.
-    #[must_use]
-    pub fn has_tip(&self) -> bool {
-        self.data.iter().any(|data| !data.sights.is_empty())
-    }
-
-    /// Whether any recording has torque.
-    #[must_use]
-    pub fn has_torque(&self) -> bool {
-        self.data.iter().any(|data| !data.shafts.is_empty())
-    }
-
-    /// Whether the rig's lenses are known.
-    #[must_use]
-    pub fn has_cameras(&self) -> bool {
-        self.cameras.is_some_and(|c| c.base_from_left.is_some())
-    }
-
-    /// Rows of tips, before those of torques.
-    #[must_use]
-    pub fn tip_rows(&self) -> usize {
-        3 * self.data.iter().map(|data| data.sights.len()).sum::<usize>()
-    }
-
-    /// Rows of torques.
-    #[must_use]
-    pub fn torque_rows(&self) -> usize {
-        3 * self.data.iter().map(|data| data.shafts.len()).sum::<usize>()
     }
 
     /// The same with part of the rows counting less: each sight and torque sample's deviations are multiplied by what `inflation` says of
@@ -130,12 +122,6 @@ impl<'a> Rows<'a> {
         self.data
     }
 
-    /// The nominal robot.
-    #[must_use]
-    pub fn robot(&self) -> &'a Robot {
-        self.robot
-    }
-
     /// Cameras that the tips were seen with.
     #[must_use]
     pub fn cameras(&self) -> Option<&'a Cameras> {
@@ -149,13 +135,26 @@ impl<'a> Rows<'a> {
     pub fn model(&self, settings: &[Setting]) -> Result<Model> {
         Ok(settings.iter().fold(Model::new(self.robot, self.cameras)?, |model, (sited, u)| model.with(sited, u)))
     }
+}
 
-    /// Whitened measured less predicted with effects built in; rolled out or, fifty times as fast, settled. Channels that are not asked
-    /// for are zero.
-    ///
-    /// # Errors
-    /// If the robot is no arm.
-    pub fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
+impl Observed for Rows<'_> {
+    fn robot(&self) -> &Robot {
+        self.robot
+    }
+
+    fn tip_rows(&self) -> usize {
+        3 * self.data.iter().map(|data| data.sights.len()).sum::<usize>()
+    }
+
+    fn torque_rows(&self) -> usize {
+        3 * self.data.iter().map(|data| data.shafts.len()).sum::<usize>()
+    }
+
+    fn has_cameras(&self) -> bool {
+        self.cameras.is_some_and(|c| c.base_from_left.is_some())
+    }
+
+    fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
         let model = self.model(settings)?;
         let [with_tip, with_torque] = ALL.map(|channel| channels.contains(&channel));
         let torque = TorqueModel::new(&model)?;

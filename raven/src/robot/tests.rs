@@ -121,7 +121,7 @@ fn energy_is_conserved_without_friction_and_cables() {
     let mut robot = nominal();
     for joint in &mut robot.joints {
         joint.link_friction = Some(ViscousCoulomb::default());
-        joint.cable = Some(Cable::default());
+        joint.cable = Some(Cable::new(0.0, 0.0));
     }
     let model = LinkModel::new(robot.arm().unwrap());
     let mut state = LinkState { position: joint(45.0, 90.0, 0.35), rate: Vector3::new(0.3, -0.2, 0.05) };

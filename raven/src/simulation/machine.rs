@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::effect::{Effect, EffectKind};
+use super::outside::{Bulge, Bump, Contact, Wander};
 use crate::robot::{Cable, JointType, Kinematics, KinematicsKind, LinkDynamics, Motor, Robot, Transmission, ViscousCoulomb};
 use crate::{Error, Result};
 
@@ -47,6 +48,12 @@ pub struct Drive {
     pub load_friction: f64,
     /// Miscounted encoder: counts, moment as a part of the recording.
     pub missed_counts: Option<[f64; 2]>,
+    /// A place where the joint rubs.
+    pub bump: Option<Bump>,
+    /// A pulley that is not round.
+    pub bulge: Option<Bulge>,
+    /// An encoder whose zero wanders.
+    pub wander: Option<Wander>,
 }
 
 /// What the cables move.
@@ -58,6 +65,8 @@ pub enum Load {
         kinematics: Kinematics,
         /// Inertia and gravity, payload included.
         dynamics: Box<LinkDynamics>,
+        /// What the tip may touch.
+        contact: Option<Contact>,
     },
     /// A carriage per joint: its mass or inertia.
     Bench(Vector3<f64>),
@@ -121,7 +130,7 @@ impl Machine {
         let payload_kg = robot.payload + effects.iter().filter(|e| e.kind == EffectKind::Payload).map(|e| e.values[0]).sum::<f64>();
         Ok(Self {
             drives: std::array::from_fn(|j| Drive::new(&actual.joints[j])),
-            load: Load::Arm { kinematics: arm.kinematics, dynamics: Box::new(arm.dynamics.with_payload(payload_kg)) },
+            load: Load::Arm { kinematics: arm.kinematics, dynamics: Box::new(arm.dynamics.with_payload(payload_kg)), contact: None },
             extra_inertia: Vector3::zeros(),
             travel_from_joint: Matrix3::identity() + actual.cable_coupling_matrix()?,
             hard_stop: arm.hard_stop,
@@ -179,7 +188,7 @@ impl Machine {
             EffectKind::CableSlip => drive.slip = Some(both()),
             EffectKind::PulleyEccentricity => drive.eccentricity = both(),
             EffectKind::StribeckFriction => drive.stribeck = Some(both()),
-            EffectKind::TorqueConstant => drive.torque_gain = first,
+            EffectKind::TorqueConstant => drive.torque_gain *= first,
             EffectKind::TorqueSaturation => drive.torque_limit = first,
             EffectKind::TorqueRipple => drive.ripple = Some(both()),
             EffectKind::LoadDependentFriction => drive.load_friction = first,
@@ -223,6 +232,9 @@ impl Drive {
             link_friction,
             load_friction: link_friction.per_load,
             missed_counts: None,
+            bump: None,
+            bulge: None,
+            wander: None,
         }
     }
 }

@@ -118,17 +118,19 @@ impl Plant {
             let capstan = state.motor[j] / drive.gear_ratio;
             let start = machine.motor_at_hard_stop[j] / drive.gear_ratio;
             let winding = drive.wound_slope_m(capstan) / drive.gear_ratio;
+            let (uneven, uneven_slope) = drive.bulge.map_or((0.0, 0.0), |bulge| bulge.taken(taken[j]));
+            let pulling_m = drive.pulley_m * (1.0 + uneven_slope);
             let motion = Motion {
                 wound_m: drive.wound_m(capstan) - drive.wound_m(start),
                 wound_rate: winding * state.motor_rate[j],
-                taken_m: drive.pulley_m * taken[j],
-                taken_rate: drive.pulley_m * taken_rate[j],
+                taken_m: drive.pulley_m * (taken[j] + uneven),
+                taken_rate: pulling_m * taken_rate[j],
             };
             let shaft = drive.shaft_torque(torque[j], state.motor[j]);
             let tension_before = state.cables[j].tension_n;
             let way = if state.motor_rate[j] == 0.0 { shaft - winding * tension_before } else { state.motor_rate[j] };
             let linear = drive.linearise(&state.cables[j], &motion, way.signum(), h);
-            cables[j] = Linked { wound_m: motion.wound_m, start, winding, linear };
+            cables[j] = Linked { wound_m: motion.wound_m, start, winding, pulling_m, linear };
 
             // Viscous friction acts on the mean of both velocities.
             for (row, viscous) in [(j, drive.motor.viscous_friction), (j + 3, drive.link_friction.viscous)] {
@@ -142,7 +144,7 @@ impl Plant {
             lever[j] = -winding;
             stretch[j] = linear.engaged * winding;
             for i in 0..3 {
-                lever[i + 3] = drive.pulley_m * travel[(j, i)];
+                lever[i + 3] = pulling_m * travel[(j, i)];
                 stretch[i + 3] = -lever[i + 3];
             }
             let half = 0.5 * linear.slope;
@@ -150,7 +152,7 @@ impl Plant {
             a -= lever * stretch.transpose() * (h * half);
 
             limit[j] = h * drive.motor_dry_friction(state.motor_rate[j]);
-            limit[j + 3] = if *links_held { f64::INFINITY } else { h * drive.link_dry_friction(tension_before) };
+            limit[j + 3] = if *links_held { f64::INFINITY } else { h * drive.link_dry_friction(tension_before, state.joint[j]) };
         }
         let after = stick_slip(&a, &b, &limit, &before);
 
@@ -162,8 +164,8 @@ impl Plant {
         let taken_rate = travel * mean.fixed_rows::<3>(3);
         for j in 0..3 {
             let drive = &machine.drives[j];
-            let Linked { wound_m, start, winding, linear } = cables[j];
-            let rate = linear.engaged * winding * mean[j] - drive.pulley_m * taken_rate[j];
+            let Linked { wound_m, start, winding, pulling_m, linear } = cables[j];
+            let rate = linear.engaged * winding * mean[j] - pulling_m * taken_rate[j];
             let wound_after_m = drive.wound_m(state.motor[j] / drive.gear_ratio) - drive.wound_m(start);
             drive.remember(&mut state.cables[j], wound_m, wound_after_m, linear.force_n + linear.slope * rate, h);
         }
@@ -176,6 +178,7 @@ struct Linked {
     wound_m: f64,
     start: f64,
     winding: f64,
+    pulling_m: f64,
     linear: super::cable::Linear,
 }
 
@@ -192,16 +195,22 @@ impl super::machine::Drive {
         self.motor.coulomb_friction * (1.0 + more)
     }
 
-    fn link_dry_friction(&self, tension_n: f64) -> f64 {
-        self.link_friction.coulomb + self.load_friction * (tension_n * self.pulley_m).abs()
+    fn link_dry_friction(&self, tension_n: f64, joint: f64) -> f64 {
+        let here = self.bump.map_or(0.0, |bump| bump.friction(joint));
+        self.link_friction.coulomb + self.load_friction * (tension_n * self.pulley_m).abs() + here
     }
 }
 
 impl Machine {
-    /// Mass matrix and velocity and gravity forces of what the cables move.
+    /// Mass matrix, and velocity, gravity and contact forces, of what the cables move.
     fn inertia_and_bias(&self, joint: &Vector3<f64>, rate: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
         match &self.load {
-            Load::Arm { dynamics, .. } => (dynamics.mass_matrix(joint), dynamics.bias(joint, rate)),
+            Load::Arm { kinematics, dynamics, contact } => {
+                let pushed = contact.map_or_else(Vector3::zeros, |contact| {
+                    kinematics.jacobian(joint).transpose() * contact.force_n(&kinematics.forward(joint))
+                });
+                (dynamics.mass_matrix(joint), dynamics.bias(joint, rate) - pushed)
+            }
             Load::Bench(mass) => (Matrix3::from_diagonal(mass), Vector3::zeros()),
         }
     }

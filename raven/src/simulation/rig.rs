@@ -25,9 +25,9 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Draws two cameras of one make on a stand, and lets the effects loose on them. `hard_stop_m` is the tip there, as believed.
+    /// Draws two cameras of one make on a stand, as they are believed to be.
     #[must_use]
-    pub fn draw(arm: ArmSide, hard_stop_m: &Vector3<f64>, effects: &[Effect], rng: &mut impl Rng) -> Self {
+    pub fn draw(arm: ArmSide, rng: &mut impl Rng) -> Cameras {
         let left = lens(-0.08, rng);
         let right = lens(-0.035, rng);
         let mut about = |size: f64| Vector3::from_fn(|_, _| rng.random_range(-size..size));
@@ -41,14 +41,19 @@ impl Rig {
                 pose(Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0), mirrored)
             }
         };
-        let believed = Cameras {
+        Cameras {
             left,
             right,
             right_from_left: Isometry3::from_parts(Translation3::from(shift), turn),
             base_from_left: Some(base_from_left),
             latency_s: 0.0,
             quality: Quality::default(),
-        };
+        }
+    }
+
+    /// Lets effects loose on cameras. `hard_stop_m` is the tip there, as believed.
+    #[must_use]
+    pub fn bent(believed: Cameras, hard_stop_m: &Vector3<f64>, effects: &[Effect]) -> Self {
         let mut actual = believed.clone();
         for effect in effects {
             bend(&mut actual, effect, hard_stop_m);

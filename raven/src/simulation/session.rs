@@ -4,59 +4,23 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use super::controller::CYCLE_S;
-use super::effect::Effect;
 use super::film::{Scene, Shot, Studio, board_poses, shots, stills};
 use super::motion::{Limits, Motion, Trajectory};
+use super::options::Options;
 use super::render::{Board, Tool};
 use super::rig::Rig;
 use super::shutter::{Exposure, Hiding, exposures, hidings};
 use super::state::{raven_state, reference};
 use super::tip::Observer;
 use super::trace::{Recorder, Trace};
-use super::truth::{Hidden, Truth, stream};
+use super::truth::{Truth, stream};
 use crate::camera::Cameras;
-use crate::log::{LogWriter, Side, Stamp, Times, TipObservation, TipStatus, topics};
+use crate::log::{LogWriter, Side, Times, TipObservation, TipStatus, topics};
 use crate::robot::{ArmSide, JointType, Kinematics, KinematicsKind, Robot, SourceFormat};
 use crate::{Error, Result};
-
-/// What a session is made of.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Everything follows from it.
-    pub seed: u64,
-    /// Preset of hidden effects.
-    pub hidden: Hidden,
-    /// More hidden effects.
-    pub effects: Vec<Effect>,
-    /// Whether recordings hold images, or the tip as a tracker would find it.
-    pub images: bool,
-    /// Frames per second.
-    pub rate_hz: f64,
-    /// Standard deviation of a tracked coordinate, where there are no images [px].
-    pub noise_px: f64,
-    /// Part of the time during which something hides the marker.
-    pub hidden_part: f64,
-    /// First stamp.
-    pub start: Stamp,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            seed: 7,
-            hidden: Hidden::None,
-            effects: Vec::new(),
-            images: false,
-            rate_hz: 15.0,
-            noise_px: 0.1,
-            hidden_part: 0.03,
-            start: Stamp::from_ros(1_750_000_000, 0),
-        }
-    }
-}
 
 /// What a recording holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -93,15 +57,7 @@ impl Session {
     /// # Errors
     /// If the file lacks what a plant needs, an effect does not fit, or a number makes no sense.
     pub fn new(robot: &Robot, options: Options) -> Result<Self> {
-        if !(1.0..=240.0).contains(&options.rate_hz) {
-            return Err(Error::Argument(format!("--rate is {}, expected 1 to 240 frames per second.", options.rate_hz)));
-        }
-        if !(0.0..=10.0).contains(&options.noise_px) {
-            return Err(Error::Argument(format!("--noise is {}, expected 0 to 10 px.", options.noise_px)));
-        }
-        if !(0.0..=0.9).contains(&options.hidden_part) {
-            return Err(Error::Argument(format!("--occluded is {}, expected 0 to 0.9 of the time.", options.hidden_part)));
-        }
+        options.check()?;
         let topic = motor_topic(robot);
         if robot.source.topic != topic {
             let given = &robot.source.topic;
@@ -110,7 +66,7 @@ impl Session {
                 robot.name
             )));
         }
-        let truth = Truth::draw(robot, options.seed, options.hidden, &options.effects)?;
+        let truth = Truth::draw(robot, &options)?;
         Ok(Self { robot: robot.clone(), options, truth, studio: OnceLock::new() })
     }
 
@@ -175,8 +131,9 @@ impl Session {
                 let registration = rig.actual.base_from_left.unwrap_or_default();
                 let tool_at = |time_s: f64| {
                     let joint = trace.joint_at(time_s);
+                    let tip_m = kinematics.forward(&joint) + self.base_shift_m(time_s);
                     Tool {
-                        tip: registration.inverse_transform_point(&Point3::from(kinematics.forward(&joint))).coords,
+                        tip: registration.inverse_transform_point(&Point3::from(tip_m)).coords,
                         axis: registration.inverse_transform_vector(&kinematics.axes(&joint).0[2]),
                     }
                 };
@@ -197,7 +154,7 @@ impl Session {
         }
         robot.write_until(&mut log, f64::INFINITY)?;
         written.robot = trace.samples().len();
-        written.joint_encoders = written.robot;
+        written.joint_encoders = if self.options.joint_encoders { written.robot } else { 0 };
         log.attachment("robot.yaml", "application/yaml", self.robot.to_yaml().as_bytes())?;
         if let Some(cameras) = self.cameras().filter(|_| !images) {
             log.attachment("cameras.yaml", "application/yaml", cameras.to_yaml().as_bytes())?;
@@ -269,7 +226,7 @@ impl Session {
             ArmSide::Green => "frame0_green",
         };
         let observer = Observer { rig, delays: &self.truth.delays, noise_px: self.options.noise_px, frame_id };
-        let tip_at = |time_s: f64| kinematics.forward(&trace.joint_at(time_s));
+        let tip_at = |time_s: f64| kinematics.forward(&trace.joint_at(time_s)) + self.base_shift_m(time_s);
         let mut rng = stream(self.truth.seed, &format!("tip {motion}"));
         let [left, _] = self.frames(motion, duration_s);
         left.iter()
@@ -281,6 +238,11 @@ impl Session {
                 observer.observe(time_s, stamp, hidden, tip_at, &mut rng)
             })
             .collect()
+    }
+
+    /// How far the robot's base is from its place at a time [m, frame 0].
+    fn base_shift_m(&self, time_s: f64) -> Vector3<f64> {
+        self.truth.outside.as_ref().map_or_else(Vector3::zeros, |outside| outside.base_shift_m(time_s))
     }
 
     fn check_motion(&self, motion: Motion, duration_s: f64) -> Result<()> {
@@ -353,7 +315,9 @@ impl RobotMessages<'_> {
                     log.joint_states(topics::MOTOR_JOINT_STATES, stamp, &names, &motor.as_slice()[used], Some(&torque.as_slice()[used]))?;
                 }
             }
-            log.joint_states(topics::JOINT_ENCODERS, stamp, &names, &reference(robot, &sample.joint), None)?;
+            if self.session.options.joint_encoders {
+                log.joint_states(topics::JOINT_ENCODERS, stamp, &names, &reference(robot, &sample.joint), None)?;
+            }
             self.next += 1;
         }
         Ok(())

@@ -77,9 +77,10 @@ impl Recorder {
         let cycles = (duration_s / CYCLE_S).round() as u64;
         let samples = (0..cycles).map(|k| {
             let time_s = k as f64 * CYCLE_S;
-            let missed = std::array::from_fn(|j| match self.plant.machine().drives[j].missed_counts {
-                Some([counts, part]) if time_s >= part * duration_s => counts as i32,
-                _ => 0,
+            let missed = std::array::from_fn(|j| {
+                let drive = &self.plant.machine().drives[j];
+                let step = drive.missed_counts.filter(|[_, part]| time_s >= part * duration_s).map_or(0, |[counts, _]| counts as i32);
+                step + drive.wander.map_or(0, |wander| wander.counts(time_s))
             });
             if k % 1000 == 999 {
                 each();

@@ -7,6 +7,9 @@ use serde_json::{Value, json};
 
 use super::effect::{Effect, EffectKind};
 use super::machine::{Machine, bench_transmission};
+use super::off_nominal::deviations;
+use super::options::Options;
+use super::outside::Outside;
 use super::rig::Rig;
 use super::shutter::Delays;
 use crate::camera::Pinhole;
@@ -48,6 +51,10 @@ pub struct Truth {
     pub hidden: Hidden,
     /// The preset's effects and those asked for.
     pub effects: Vec<Effect>,
+    /// How far the numbers of the robot file and the rig are off within their tolerances.
+    pub deviations: Vec<Effect>,
+    /// A cause outside the library of effects.
+    pub outside: Option<Outside>,
     /// The robot as it is.
     pub machine: Machine,
     /// The cameras as they are, and as they are believed to be; `None` on a bench.
@@ -69,28 +76,36 @@ pub fn stream(seed: u64, purpose: &str) -> ChaCha8Rng {
 }
 
 impl Truth {
-    /// Draws what is true of the session `seed` of a robot.
+    /// Draws what is true of a robot's session.
     ///
     /// # Errors
     /// If an effect does not fit the robot.
-    pub fn draw(robot: &Robot, seed: u64, hidden: Hidden, asked: &[Effect]) -> Result<Self> {
+    pub fn draw(robot: &Robot, options: &Options) -> Result<Self> {
+        let Options { seed, hidden, .. } = *options;
         let mut effects = match hidden {
             Hidden::None => Vec::new(),
             Hidden::Lab => lab_effects(robot, &mut stream(seed, "lab"))?,
         };
-        effects.extend_from_slice(asked);
-        let machine = Machine::new(robot, &effects)?;
+        effects.extend_from_slice(&options.effects);
+        let deviations = deviations(robot, options.off_nominal, &effects, &mut stream(seed, "off nominal"));
+        let departures = [&effects[..], &deviations[..]].concat();
+        let mut machine = Machine::new(robot, &departures)?;
+        if let Some(outside) = &options.outside {
+            machine = machine.with_outside(robot, outside)?;
+        }
         let rig = match &robot.kinematics {
             KinematicsKind::Raven(kinematics) => {
                 let hard_stop_m = kinematics.forward(&robot.arm()?.hard_stop);
-                Some(Rig::draw(kinematics.arm, &hard_stop_m, &effects, &mut stream(seed, "rig")))
+                let drawn = || Rig::draw(kinematics.arm, &mut stream(seed, "rig"));
+                let believed = options.cameras.clone().unwrap_or_else(drawn);
+                Some(Rig::bent(believed, &hard_stop_m, &departures))
             }
             KinematicsKind::Bench => None,
         };
         let mut encoders = stream(seed, "encoders");
         let zero_counts = std::array::from_fn(|_| encoders.random_range(-50_000..50_000));
-        let delays = Delays::of(&effects);
-        Ok(Self { seed, hidden, effects, machine, rig, delays, zero_counts })
+        let delays = Delays::of(&departures);
+        Ok(Self { seed, hidden, effects, deviations, outside: options.outside.clone(), machine, rig, delays, zero_counts })
     }
 
     /// The truth as a file tells it. Lengths in m, angles in rad, times in s.
@@ -116,6 +131,8 @@ impl Truth {
             "seed": self.seed,
             "hidden": self.hidden,
             "effects": self.effects,
+            "off_nominal": self.deviations,
+            "outside": self.outside.as_ref().map(Outside::to_json),
             "link_pulley_radius_m": per_joint(&|j| drives[j].pulley_m),
             "cable_stiffness_n": per_joint(&|j| drives[j].stiffness_n),
             "hysteresis_half": per_joint(&|j| drives[j].play_half_m / drives[j].pulley_m),

@@ -2,7 +2,10 @@
 
 mod effects;
 mod images;
+mod off_nominal;
+mod outside;
 mod plant;
+mod sealed;
 mod session;
 
 use nalgebra::Vector3;

@@ -19,7 +19,7 @@ fn falling_links_gain_what_gravity_gives() {
     let miss = |step_s: f64| {
         let mut robot = nominal::gold();
         for joint in &mut robot.joints {
-            joint.cable = Some(crate::robot::Cable::default());
+            joint.cable = Some(crate::robot::Cable::new(0.0, 0.0));
             joint.link_friction = Some(crate::robot::ViscousCoulomb::default());
         }
         let dynamics = robot.arm().unwrap().dynamics;

@@ -1,0 +1,169 @@
+//! `raven-diagnose check`: the blind check. Verdicts first, labels afterwards.
+//!
+//! The verdicts are written and their SHA-256 is printed before the labels may be read ([`Committed`] is the only way to them), and
+//! labels whose SHA-256 is not that of `labels.sha256` are refused.
+
+mod cause;
+mod committed;
+mod estimates;
+mod metrics;
+mod print;
+mod score;
+#[cfg(test)]
+mod tests;
+mod verdict;
+
+pub use cause::{Cause, Names};
+pub use committed::Committed;
+pub use estimates::Sizes;
+pub use metrics::{Claim, Share, brier, calibration_error};
+pub use score::{Answer, Score};
+pub use verdict::{Blamed, Candidate, ChannelGap, Estimate, Verdict, Word};
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Parser;
+use raven::camera::Cameras;
+use raven::cli::{self, Outcome};
+use raven::robot::{Robot, nominal};
+use raven::simulation::{Label, SealedFolder, sealed_set};
+use raven::{Error, Result};
+
+/// Diagnoses the recordings of a sealed folder blind, then opens the labels and prints the score.
+///
+///   raven-diagnose check blind/ --robot robot.yaml
+///   raven-diagnose check --simulate 100 --seed 5
+#[derive(Debug, Parser)]
+#[command(bin_name = "raven-diagnose check", no_binary_name = true, version, verbatim_doc_comment)]
+pub struct Args {
+    /// Folder with recordings, cameras.yaml, labels.json and labels.sha256.
+    #[arg(required_unless_present = "simulate", conflicts_with = "simulate")]
+    folder: Option<PathBuf>,
+    /// Robot file: the model that the recordings are held against; by default the nominal Raven-II, gold arm.
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Cameras the tips were tracked with; by default those of the folder.
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Makes a sealed folder of so many recordings, checks on it, and removes it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    simulate: Option<u16>,
+    /// Seed of the simulated recordings.
+    #[arg(long, requires = "simulate", default_value_t = 1)]
+    seed: u64,
+    /// Where the verdicts go before the labels are read.
+    #[arg(long, value_name = "FILE", default_value = "verdicts.json")]
+    verdicts: PathBuf,
+    /// Writes the score as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Diagnoses one recording.
+pub type Diagnose<'a> = dyn Fn(&Path) -> Result<Verdict> + 'a;
+/// Diagnoses one recording when told what it hides: the most that any diagnosis could close of the gap.
+pub type Oracle<'a> = dyn Fn(&Path, &Label) -> Result<Verdict> + 'a;
+
+/// Runs the blind check with this program's diagnosis.
+///
+/// # Errors
+/// If a file cannot be read or written, or the labels are not those that were sealed.
+pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
+    let simulated = args.simulate.map(|count| simulate(&robot, args.seed, usize::from(count))).transpose()?;
+    let folder = match (&simulated, &args.folder) {
+        (Some(simulated), _) => simulated.path(),
+        (None, Some(folder)) => folder,
+        (None, None) => return Err(Error::Argument("neither a folder nor --simulate is given.".to_owned())),
+    };
+    let cameras_path = args.cameras.clone().unwrap_or_else(|| folder.join("cameras.yaml"));
+    let cameras = if args.cameras.is_some() || cameras_path.exists() { Some(Cameras::read(&cameras_path)?) } else { None };
+    let diagnose = |log: &Path| crate::diagnose_recording(log, &robot, cameras.as_ref());
+    let score = check(folder, &Names::of(&robot), &diagnose, crate::ORACLE, &args.verdicts, out)?;
+    print(out, format_args!("\n{score}"))?;
+    if let Some(json) = &args.json {
+        cli::write_json(json, &score)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Diagnoses every recording of a folder, commits to the verdicts, opens the labels and scores.
+///
+/// # Errors
+/// If there is no recording, no diagnosis succeeds, a recording has no label, or the labels are not those that were sealed.
+pub fn check(
+    folder: &Path,
+    names: &Names,
+    diagnose: &Diagnose<'_>,
+    oracle: Option<&Oracle<'_>>,
+    verdicts: &Path,
+    out: &mut dyn Write,
+) -> Result<Score> {
+    let recordings = recordings(folder)?;
+    let bar = cli::progress(recordings.len() as u64, "diagnosing blind");
+    let mut answers = Vec::new();
+    let mut first_error = None;
+    for path in &recordings {
+        let start = Instant::now();
+        let verdict = diagnose(path);
+        let seconds = start.elapsed().as_secs_f64();
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let verdict = verdict.map_err(|error| {
+            let text = error.to_string();
+            first_error.get_or_insert(error);
+            text
+        });
+        answers.push(Answer { name, verdict, seconds, oracle: None });
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if let Some(error) = first_error {
+        if answers.iter().all(|answer| answer.verdict.is_err()) {
+            return Err(error);
+        }
+        cli::warn(&format!("some recordings have no verdict and count as wrong; the first of them: {error}"));
+    }
+    let committed = Committed::write(verdicts, &answers)?;
+    print(out, format_args!("verdicts: SHA-256 {}  {}\n", committed.sum(), verdicts.display()))?;
+    let labels = committed.open_labels(folder)?;
+    print(out, format_args!("labels:   SHA-256 as sealed in {}\n", folder.join(raven::simulation::LABELS_SUM).display()))?;
+    for (answer, path) in answers.iter_mut().zip(&recordings) {
+        let Some(label) = labels.get(&answer.name) else {
+            return Err(Error::file(path, "this recording has no label; move it out of the sealed folder."));
+        };
+        answer.oracle = oracle.map(|oracle| oracle(path, label)).transpose()?;
+    }
+    for name in labels.keys().filter(|name| answers.iter().all(|answer| answer.name != **name)) {
+        cli::warn(&format!("the label `{name}` has no recording in {}.", folder.display()));
+    }
+    Ok(Score::of(&answers, &labels, names))
+}
+
+/// The recordings of a folder, by name.
+fn recordings(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, "read", e))?;
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(|e| Error::io(folder, "read", e)));
+    let mut paths = paths.collect::<Result<Vec<_>>>()?;
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "mcap"));
+    paths.sort();
+    if paths.is_empty() {
+        return Err(Error::file(folder, "there is no recording NAME.mcap in it."));
+    }
+    Ok(paths)
+}
+
+/// A sealed folder that goes away with what is returned.
+fn simulate(robot: &Robot, seed: u64, count: usize) -> Result<tempfile::TempDir> {
+    let folder = tempfile::tempdir().map_err(|e| Error::io(&std::env::temp_dir(), "create a folder in", e))?;
+    let cases = sealed_set(robot, seed, count)?;
+    let bar = cli::progress(count as u64, "simulating");
+    SealedFolder::open(folder.path())?.add_all(robot, &cases, &SealedFolder::options(), || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(folder)
+}
+
+fn print(out: &mut dyn Write, text: std::fmt::Arguments<'_>) -> Result<()> {
+    out.write_fmt(text).map_err(|e| Error::io(Path::new("standard output"), "write", e))
+}
