@@ -2,6 +2,7 @@
 //!
 //! The simulator is the robot model with the parameter file in hand; the gap is what a recording says against it.
 
+pub mod attribution;
 pub mod check;
 pub mod evidence;
 pub mod gap;
@@ -21,6 +22,7 @@ use raven::robot::Robot;
 use raven::{Error, Result};
 use serde::Serialize;
 
+use crate::evidence::data::Data;
 use crate::gap::Gap;
 use crate::residual::{Channels, Residuals, channels};
 use crate::whereabouts::{Place, Whereabouts};
@@ -76,11 +78,9 @@ struct ControllerDifference {
 /// # Errors
 /// If the recording cannot be read or has nothing to hold against the model.
 pub fn diagnose_recording(log: &Path, robot: &Robot, cameras: Option<&Cameras>) -> Result<check::Verdict> {
-    let (robot, cameras) = (&robot.name, if cameras.is_some() { "with" } else { "without" });
-    Err(Error::Data(format!(
-        "{}: this build has no diagnosis that names effects (robot `{robot}`, {cameras} cameras): there is no verdict to check.",
-        log.display()
-    )))
+    let recording = Recording::read(log, &robot.into())?;
+    let data = [Data::new(&recording, cameras)?];
+    Ok((&attribution::attribute(robot, cameras, &data, || ())?).into())
 }
 
 /// The verdict of a diagnosis that is told what a recording hides; `None` where there is none.

@@ -79,8 +79,9 @@ pub fn is_outside(label: &Label) -> bool {
 mod tests {
     use raven::robot::nominal;
 
-    use super::super::verdict::{Candidate, Word};
+    use super::super::verdict::Candidate;
     use super::*;
+    use crate::attribution::Word;
 
     #[test]
     fn exact_ties_are_one_cause() {

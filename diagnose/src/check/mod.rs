@@ -13,12 +13,13 @@ mod score;
 mod tests;
 mod verdict;
 
+pub use crate::attribution::Word;
 pub use cause::{Cause, Names};
 pub use committed::Committed;
 pub use estimates::Sizes;
 pub use metrics::{Claim, Share, brier, calibration_error};
 pub use score::{Answer, Score};
-pub use verdict::{Blamed, Candidate, ChannelGap, Estimate, Verdict, Word};
+pub use verdict::{Blamed, Candidate, ChannelGap, Estimate, Verdict};
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

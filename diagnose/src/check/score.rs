@@ -8,7 +8,8 @@ use serde::Serialize;
 use super::cause::{Cause, Names, is_outside};
 use super::estimates::Sizes;
 use super::metrics::{Claim, Share, brier, calibration_error};
-use super::verdict::{ChannelGap, Verdict, Word};
+use super::verdict::{ChannelGap, Verdict};
+use crate::attribution::Word;
 
 /// What a diagnosis said of one recording.
 #[derive(Debug, Clone)]

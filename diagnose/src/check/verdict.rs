@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::attribution::{Attribution, Word};
+
 /// The verdict on one recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
@@ -15,33 +17,6 @@ pub struct Verdict {
     /// How far the gap closes.
     #[serde(default)]
     pub gap: Vec<ChannelGap>,
-}
-
-/// The verdict in a word.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Word {
-    /// No effect is needed.
-    None,
-    /// The effects leave residuals that look like noise.
-    Explained,
-    /// They help, and something reproducible remains.
-    PartlyExplained,
-    /// A gap that nothing in the library accounts for.
-    Unexplained,
-}
-
-impl Word {
-    /// As in the JSON.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Explained => "explained",
-            Self::PartlyExplained => "partly-explained",
-            Self::Unexplained => "unexplained",
-        }
-    }
 }
 
 /// A blamed effect.
@@ -87,4 +62,25 @@ pub struct ChannelGap {
     pub channel: String,
     /// Part of the squared gap above the noise floor that the effects take away; nothing where there is none to take.
     pub closed: Option<f64>,
+}
+
+impl From<&Attribution> for Verdict {
+    fn from(found: &Attribution) -> Self {
+        let estimate = |e: &crate::attribution::Estimate| Estimate { name: e.name.to_owned(), value: e.value, std: e.std };
+        let blamed = |e: &crate::attribution::Blamed| Blamed {
+            id: e.id.to_owned(),
+            joint: e.joint.clone(),
+            probability: e.probability,
+            parameters: e.parameters.iter().map(estimate).collect(),
+        };
+        let candidate =
+            |c: &crate::attribution::Candidate| Candidate { id: c.id.to_owned(), joint: c.joint.clone(), probability: c.probability };
+        let gap = |g: &crate::attribution::Closure| ChannelGap { channel: g.channel.clone(), closed: g.closed };
+        Self {
+            verdict: found.verdict,
+            effects: found.effects.iter().map(blamed).collect(),
+            candidates: found.candidates.iter().map(candidate).collect(),
+            gap: found.gap.iter().map(gap).collect(),
+        }
+    }
 }

@@ -122,10 +122,16 @@ impl<'a> Rows<'a> {
         self.data
     }
 
-    /// Cameras that the tips were seen with.
+    /// The nominal robot.
     #[must_use]
-    pub fn cameras(&self) -> Option<&'a Cameras> {
-        self.cameras
+    pub fn robot_file(&self) -> &'a Robot {
+        self.robot
+    }
+
+    /// Inverse deviations of each torque sample of a recording; 0 where it says nothing.
+    #[must_use]
+    pub fn torque_weights(&self, recording: usize) -> &[Vector3<f64>] {
+        &self.torque_weight[recording]
     }
 
     /// The nominal model with effects built in.

@@ -1,0 +1,254 @@
+//! How far the gap closes once effects are in the model: fitted on half of the recordings' blocks, looked at on the other half.
+//!
+//! ```text
+//! closed = 1 - (after^2 - floor^2) / (before^2 - floor^2)
+//! ```
+//!
+//! `before` is the model with the file in hand, `after` the same with the effects and nothing else. Intervals are those of a bootstrap over
+//! blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
+
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use raven::Result;
+use raven::effects::{TipModel, TorqueModel};
+use serde::Serialize;
+
+use crate::evidence::coordinates::Coordinates;
+use crate::evidence::data::WINDOW_S;
+use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::rows::{Inflation, Rows, Setting};
+
+/// The gap of one channel, before and after.
+#[derive(Debug, Clone, Serialize)]
+pub struct Closure {
+    /// Joint, `tip`, or a joint's torque.
+    pub channel: String,
+    /// Unit of the numbers.
+    pub unit: &'static str,
+    /// RMS that the measurement's noise would leave.
+    pub noise_floor: f64,
+    /// RMS against the model with the file in hand.
+    pub before: f64,
+    /// RMS against the model with the effects.
+    pub after: f64,
+    /// Part of the squared gap above the floor that is gone; `null` where there is none to take.
+    pub closed: Option<f64>,
+    /// Its interval.
+    pub closed_ci95: Option<[f64; 2]>,
+    /// The effects were fitted on other blocks than these numbers are of.
+    pub held_out: bool,
+    /// Shares of several effects, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shares: Vec<Share>,
+}
+
+/// What one of several effects closes.
+#[derive(Debug, Clone, Serialize)]
+pub struct Share {
+    /// Identifier.
+    pub id: &'static str,
+    /// As of a cause.
+    pub joint: Option<String>,
+    /// Part of the squared gap.
+    pub closed: f64,
+}
+
+/// Length of a block [s].
+const BLOCK_S: f64 = 3.0;
+/// Resamples of the bootstrap.
+const RESAMPLES: usize = 1000;
+const SEED: u64 = 20_170_925;
+/// A gap is there if its squared error is this much above the floor.
+const GAP_MIN: f64 = 1.05;
+
+/// Squared errors of one channel: block, after a subset of the effects, floor.
+#[derive(Debug, Clone, Default)]
+struct Squares {
+    block: Vec<usize>,
+    /// Per subset of the effects.
+    of_subset: Vec<Vec<f64>>,
+    floor: Vec<f64>,
+}
+
+/// The gap of every channel that was recorded.
+///
+/// # Errors
+/// If the robot is no arm.
+pub(super) fn closures(rows: &Rows, coordinates: &Coordinates, named: &Hypothesis) -> Result<Vec<Closure>> {
+    let robot = rows.robot_file();
+    let mut channels: Vec<(String, &'static str, f64, Squares)> = Vec::new();
+    for joint in robot.joints.iter().take(3) {
+        let (unit, scale) = joint.display_unit();
+        channels.push((joint.name.clone(), unit, scale, Squares::default()));
+    }
+    channels.push(("tip".to_owned(), "mm", 1e3, Squares::default()));
+    channels.extend(robot.joints.iter().take(3).map(|joint| (format!("{} torque", joint.name), "N m", 1.0, Squares::default())));
+    let count = named.effects.len();
+    for fold in 0..2 {
+        let effects = if count == 0 { Vec::new() } else { fitted_elsewhere(rows, coordinates, named, fold)? };
+        for subset in 0..1 << count {
+            let settings: Vec<Setting> =
+                effects.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, setting)| setting.clone()).collect();
+            collect(rows, &settings, fold, subset, &mut channels)?;
+        }
+    }
+    let shares_of = |closed: &dyn Fn(usize) -> f64| -> Vec<Share> {
+        if count < 2 {
+            return Vec::new();
+        }
+        let share = |(k, &effect): (usize, &usize)| {
+            let sited = coordinates.sited[effect];
+            Share { id: sited.effect.id, joint: sited.joint(robot), closed: shapley(count, k, closed) }
+        };
+        named.effects.iter().enumerate().map(share).collect()
+    };
+    Ok(channels.iter().filter_map(|(channel, unit, scale, squares)| closure(channel, unit, *scale, squares, &shares_of)).collect())
+}
+
+/// The named effects with the values that the other half of the blocks gives them.
+fn fitted_elsewhere(rows: &Rows, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Vec<Setting>> {
+    let others = rows.inflated(|_, time_s| {
+        let inflation = if block(time_s) % 2 == fold { f64::INFINITY } else { 1.0 };
+        Inflation { tip: inflation, torque: Vector3::repeat(inflation) }
+    });
+    let fitted = Fitter { rows: &others, coordinates }.fit(&named.effects, &named.u, None)?;
+    let u = fitted.map_or_else(|| named.u.clone(), |hypothesis| hypothesis.u);
+    let setting = |&effect: &usize| (coordinates.sited[effect], coordinates.of(effect).map(|c| u[c]).collect());
+    Ok(named.effects.iter().map(setting).collect())
+}
+
+fn block(time_s: f64) -> usize {
+    (time_s / BLOCK_S).max(0.0) as usize
+}
+
+/// Squared errors on the blocks of a fold.
+fn collect(
+    rows: &Rows,
+    settings: &[Setting],
+    fold: usize,
+    subset: usize,
+    channels: &mut [(String, &'static str, f64, Squares)],
+) -> Result<()> {
+    let model = rows.model(settings)?;
+    let nominal = rows.robot_file().arm()?;
+    let torque = TorqueModel::new(&model)?;
+    let mut add = |channel: usize, block: usize, square: f64, floor: f64| {
+        let squares = &mut channels[channel].3;
+        if squares.of_subset.len() <= subset {
+            squares.of_subset.resize(subset + 1, Vec::new());
+        }
+        squares.of_subset[subset].push(square);
+        if subset == 0 {
+            squares.block.push(block);
+            squares.floor.push(floor);
+        }
+    };
+    for (r, data) in rows.data().iter().enumerate() {
+        let tip = TipModel::new(&model, &data.motors)?;
+        let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
+        let (seen, moving) = tip.rolled_out(&data.sights, &times, WINDOW_S);
+        for (sight, seen) in data.sights.iter().zip(seen).filter(|(sight, _)| block(sight.stamp_s) % 2 == fold) {
+            let at = (r << 32) + block(sight.stamp_s);
+            let error = seen.map(|seen| sight.position_m - seen).filter(|e| e.iter().all(|v| v.is_finite()));
+            let motors = data.motors.at(sight.stamp_s);
+            let Some((error, (motor, _))) = error.zip(motors) else {
+                // Every subset has to count the same samples.
+                (0..4).for_each(|channel| add(channel, at, 0.0, 0.0));
+                continue;
+            };
+            add(3, at, error.norm_squared(), sight.covariance_m2.trace());
+            let slope = nominal.kinematics.jacobian(&nominal.transmission.joint_from_motor(&motor)).try_inverse();
+            let slope = slope.unwrap_or_else(nalgebra::Matrix3::zeros);
+            let (joint, covariance) = (slope * error, slope * sight.covariance_m2 * slope.transpose());
+            (0..3).for_each(|j| add(j, at, joint[j].powi(2), covariance[(j, j)]));
+        }
+        for ((shaft, moving), weight) in data.shafts.iter().zip(moving).zip(rows.torque_weights(r)) {
+            if block(shaft.time_s) % 2 != fold {
+                continue;
+            }
+            let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
+            let error = torque.delivered(&shaft.commanded) - torque.needed(shaft, &moving);
+            let at = (r << 32) + block(shaft.time_s);
+            (0..3).filter(|&j| weight[j] > 0.0).for_each(|j| add(4 + j, at, error[j].powi(2), 0.0));
+        }
+    }
+    Ok(())
+}
+
+fn closure(
+    channel: &str,
+    unit: &'static str,
+    scale: f64,
+    squares: &Squares,
+    shares_of: &dyn Fn(&dyn Fn(usize) -> f64) -> Vec<Share>,
+) -> Option<Closure> {
+    let (first, last) = (squares.of_subset.first()?, squares.of_subset.last()?);
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let (before, after, floor) = (mean(first), mean(last), mean(&squares.floor));
+    let gap = before > GAP_MIN * floor && before > 0.0;
+    let closed_by = |subset: usize| 1.0 - (mean(&squares.of_subset[subset]) - floor) / (before - floor);
+    let any = squares.of_subset.len() > 1;
+    Some(Closure {
+        channel: channel.to_owned(),
+        unit,
+        noise_floor: floor.sqrt() * scale,
+        before: before.sqrt() * scale,
+        after: after.sqrt() * scale,
+        closed: (gap && any).then(|| closed_by(squares.of_subset.len() - 1)),
+        closed_ci95: if gap && any { interval(squares) } else { None },
+        held_out: any,
+        shares: if gap { shares_of(&closed_by) } else { Vec::new() },
+    })
+}
+
+/// Percentiles of the closed part over resampled blocks.
+fn interval(squares: &Squares) -> Option<[f64; 2]> {
+    let mut sums: std::collections::BTreeMap<usize, [f64; 3]> = std::collections::BTreeMap::new();
+    let (before, after) = (squares.of_subset.first()?, squares.of_subset.last()?);
+    for (((&block, &before), &after), &floor) in squares.block.iter().zip(before).zip(after).zip(&squares.floor) {
+        let sum = sums.entry(block).or_default();
+        *sum = [sum[0] + before, sum[1] + after, sum[2] + floor];
+    }
+    let sums: Vec<[f64; 3]> = sums.into_values().collect();
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
+    let mut closed: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let drawn = (0..sums.len()).map(|_| sums[rng.random_range(0..sums.len())]);
+            let [before, after, floor] = drawn.fold([0.0; 3], |s, d| [s[0] + d[0], s[1] + d[1], s[2] + d[2]]);
+            1.0 - (after - floor) / (before - floor)
+        })
+        .filter(|closed| closed.is_finite())
+        .collect();
+    closed.sort_by(f64::total_cmp);
+    let at = |p: f64| closed.get((p * closed.len() as f64) as usize).copied();
+    at(0.025).zip(at(0.975)).map(|(low, high)| [low, high])
+}
+
+/// Shapley's value of player `k` of `count` in a game whose value of a coalition (as bits) is `value`.
+fn shapley(count: usize, k: usize, value: &dyn Fn(usize) -> f64) -> f64 {
+    let factorial = |n: usize| (1..=n).product::<usize>() as f64;
+    (0..1_usize << count)
+        .filter(|coalition| coalition >> k & 1 == 0)
+        .map(|coalition| {
+            let size = coalition.count_ones() as usize;
+            let weight = factorial(size) * factorial(count - size - 1) / factorial(count);
+            weight * (value(coalition | 1 << k) - value(coalition))
+        })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn shares_sum_to_the_whole_and_are_those_of_the_glove_game() {
+        // One left glove (player 0) and two right ones: a pair is worth 1. Shapley 1953: 2/3, 1/6, 1/6.
+        let pair = |coalition: usize| f64::from(u8::from(coalition & 1 == 1 && coalition & 6 != 0));
+        let shares: Vec<f64> = (0..3).map(|k| shapley(3, k, &pair)).collect();
+        assert_relative_eq!(shares[0], 2.0 / 3.0, epsilon = 1e-12);
+        assert_relative_eq!(shares[1], 1.0 / 6.0, epsilon = 1e-12);
+        assert_relative_eq!(shares.iter().sum::<f64>(), 1.0, epsilon = 1e-12);
+    }
+}

@@ -1,0 +1,82 @@
+//! The smallest size of each effect that recordings could have shown.
+//!
+//! With an effect's slope `s` projected off the numbers of the nominal model, `S = s's - s'J (J'J + L)^-1 J's`, a size of `u` slabs raises
+//! the evidence by `u^2 S^2 / (2 (S + 1)) - ln(1 + S) / 2` on average.
+
+use nalgebra::DVector;
+use raven::Result;
+use raven::effects::{Channel, Scale};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::evidence::fit::{Fitter, gram};
+use crate::evidence::linear::dot;
+use crate::evidence::prior;
+use crate::evidence::rows::Links;
+use crate::evidence::search::Outcome;
+
+/// The smallest size of an effect that would have been named.
+#[derive(Debug, Clone, Serialize)]
+pub struct Detectable {
+    /// Identifier.
+    pub id: &'static str,
+    /// As of a cause.
+    pub joint: Option<String>,
+    /// Of its first number; of a factor, the one above 1. `null` where no size that is to be expected would have shown.
+    pub size: Option<f64>,
+    /// Unit of `size`.
+    pub unit: String,
+}
+
+/// Evidence beyond the prior odds at which an effect counts as shown [nat].
+const SHOWN_NATS: f64 = 3.0;
+/// Largest size that is to be expected, in slabs.
+const LARGEST: f64 = 3.0;
+
+pub(super) fn minimum_detectable(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Detectable>> {
+    let (rows, coordinates, none) = (fitter.rows, fitter.coordinates, &outcome.none);
+    let count = coordinates.sited.len();
+    let wanted = SHOWN_NATS + prior::log(0, count) - prior::log(1, count);
+    let all: Vec<&[f64]> = none.columns.iter().map(|column| column.as_slice()).collect();
+    let mut curvature = gram(&all);
+    for (k, &c) in none.free.iter().enumerate() {
+        curvature[(k, k)] += fitter.prior(c, &[]).map_or(0.0, |t| t.powi(-2));
+    }
+    let here = rows.residuals(&coordinates.settings(&none.u), Links::Settled, &[Channel::Tip, Channel::Torque])?;
+    let of_effect = |effect: usize| -> Result<Option<Detectable>> {
+        let sited = coordinates.sited[effect];
+        let own: Vec<usize> = coordinates.of(effect).collect();
+        let kept: Vec<usize> = (0..none.free.len()).filter(|&k| !own.contains(&none.free[k])).collect();
+        let Some(size) = own.iter().position(|&c| !matches!(parameter(fitter, c).scale, Scale::Shape { .. } | Scale::Moment)) else {
+            return Ok(None);
+        };
+        let mut u = none.u.clone();
+        own.iter().for_each(|&c| u[c] = if matches!(parameter(fitter, c).scale, Scale::Moment) { 0.5 } else { 0.0 });
+        u[own[size]] = 1.0;
+        let channels = sited.effect.channels;
+        let there = rows.residuals(&coordinates.settings(&u), Links::Settled, channels)?;
+        let tip_rows = rows.tip_rows();
+        let shows = |k: usize| channels.contains(if k < tip_rows { &Channel::Tip } else { &Channel::Torque });
+        let slope: Vec<f64> = here.iter().zip(&there).enumerate().map(|(k, (h, t))| if shows(k) { h - t } else { 0.0 }).collect();
+        let cross = DVector::from_iterator(kept.len(), kept.iter().map(|&k| dot(&slope, &none.columns[k])));
+        let block = curvature.select_rows(kept.iter()).select_columns(kept.iter());
+        let Some(factor) = block.cholesky() else { return Ok(None) };
+        let information = (dot(&slope, &slope) - cross.dot(&factor.solve(&cross))).max(0.0);
+        let needed = (wanted + 0.5 * (1.0 + information).ln()) * 2.0 * (information + 1.0) / information.powi(2);
+        let u = needed.sqrt();
+        let (parameter, kind) = (parameter(fitter, own[size]), coordinates.kinds[effect]);
+        Ok(Some(Detectable {
+            id: sited.effect.id,
+            joint: sited.joint(rows.robot()),
+            size: (u < LARGEST).then(|| parameter.value(u, kind)),
+            unit: parameter.unit_at(kind).to_owned(),
+        }))
+    };
+    let found: Result<Vec<Option<Detectable>>> = (0..count).into_par_iter().map(of_effect).collect();
+    Ok(found?.into_iter().flatten().collect())
+}
+
+fn parameter(fitter: &Fitter, c: usize) -> &'static raven::effects::Parameter {
+    let coordinate = fitter.coordinates.all[c];
+    &fitter.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter]
+}

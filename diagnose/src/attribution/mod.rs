@@ -1,0 +1,198 @@
+//! From the hypotheses that were looked at to what a report says: the verdict, the causes, what ties with them, what could not show.
+
+mod closure;
+mod detectable;
+mod fitness;
+mod ties;
+mod verdict;
+
+pub use closure::{Closure, Share};
+pub use detectable::Detectable;
+pub use fitness::check_fitness;
+pub use ties::Tied;
+pub use verdict::Word;
+
+use raven::Result;
+use raven::camera::Cameras;
+use raven::effects::Effect;
+use raven::robot::Robot;
+use serde::Serialize;
+
+use crate::evidence::coordinates::Coordinates;
+use crate::evidence::data::Data;
+use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::rows::Rows;
+use crate::evidence::search::Outcome;
+
+/// What the recordings say of causes.
+#[derive(Debug, Clone, Serialize)]
+pub struct Attribution {
+    /// In a word.
+    pub verdict: Word,
+    /// Causes, the surest first.
+    pub effects: Vec<Blamed>,
+    /// Every effect looked at, and none: the most probable first.
+    pub candidates: Vec<Candidate>,
+    /// Effects that these recordings cannot show.
+    pub not_observable: Vec<NotObservable>,
+    /// Smallest sizes that they could have shown.
+    pub minimum_detectable: Vec<Detectable>,
+    /// How far the gap closes.
+    pub gap: Vec<Closure>,
+}
+
+/// A cause.
+#[derive(Debug, Clone, Serialize)]
+pub struct Blamed {
+    /// Identifier.
+    pub id: &'static str,
+    /// Joint, `from->to`, `12` or `23`; nothing for the whole.
+    pub joint: Option<String>,
+    /// That it is there.
+    pub probability: f64,
+    /// What the evidence loses without it [nat].
+    pub evidence_nats: f64,
+    /// Its numbers.
+    pub parameters: Vec<Estimate>,
+    /// What cannot be told from it, or hardly.
+    pub ties: Vec<Tied>,
+}
+
+/// A number of a cause.
+#[derive(Debug, Clone, Serialize)]
+pub struct Estimate {
+    /// Name.
+    pub name: &'static str,
+    /// In `unit`.
+    pub value: f64,
+    /// Its standard deviation.
+    pub std: f64,
+    /// SI.
+    pub unit: String,
+}
+
+/// An effect that was looked at.
+#[derive(Debug, Clone, Serialize)]
+pub struct Candidate {
+    /// Identifier; `none` for no effect.
+    pub id: &'static str,
+    /// As of a cause.
+    pub joint: Option<String>,
+    /// That it is there, alone or with others.
+    pub probability: f64,
+    /// The best evidence with it, above that of no effect [nat].
+    pub evidence_nats: f64,
+}
+
+/// An effect that cannot show.
+#[derive(Debug, Clone, Serialize)]
+pub struct NotObservable {
+    /// Identifier.
+    pub id: &'static str,
+    /// Why.
+    pub because: String,
+}
+
+/// Probability of no effect below which causes are named.
+const NONE_MAX: f64 = 0.2;
+
+/// Says what causes the gap of recordings of an arm. `each` hears of every step.
+///
+/// # Errors
+/// If the recordings cannot carry a diagnosis.
+pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, data: &[Data], each: impl FnMut()) -> Result<Attribution> {
+    check_fitness(robot, data)?;
+    let rows = Rows::new(robot, cameras, data)?;
+    let coordinates = Coordinates::new(robot, &rows);
+    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
+    let Some(outcome) = fitter.search(each)? else {
+        return Err(raven::Error::Data(format!(
+            "robot `{}`: the model does not follow the recorded motors; check that file and recordings belong together.",
+            robot.name
+        )));
+    };
+    let mut attribution = attribution(&fitter, &outcome)?;
+    let named = named(&outcome);
+    attribution.gap = closure::closures(&rows, &coordinates, named.unwrap_or(&outcome.none))?;
+    Ok(attribution)
+}
+
+/// The hypothesis whose effects are named; `None` where none is.
+fn named(outcome: &Outcome) -> Option<&Hypothesis> {
+    let none = outcome.probabilities().iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p);
+    Some(&outcome.best).filter(|best| !best.effects.is_empty() && none < NONE_MAX)
+}
+
+/// What hypotheses say, without the gap.
+fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
+    let probabilities = outcome.probabilities();
+    let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
+    let named = named(outcome);
+    let mut effects = Vec::new();
+    let word = verdict::word(fitter, outcome, named);
+    if let Some(best) = named.filter(|_| word != Word::Unexplained) {
+        for &effect in &best.effects {
+            let ties = ties::ties(fitter, outcome, best, effect);
+            effects.push(Blamed { probability: with(effect), ties, ..blamed(fitter, outcome, best, effect) });
+        }
+        effects.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
+    }
+    let not_observable = fitter.coordinates.not_observable.iter();
+    Ok(Attribution {
+        verdict: word,
+        effects,
+        candidates: candidates(fitter, outcome, &probabilities, &with),
+        not_observable: not_observable.map(|(effect, because)| NotObservable { id: effect.id, because: (*because).to_owned() }).collect(),
+        minimum_detectable: detectable::minimum_detectable(fitter, outcome)?,
+        gap: Vec::new(),
+    })
+}
+
+fn blamed(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Blamed {
+    let coordinates = fitter.coordinates;
+    let (sited, kind) = (coordinates.sited[effect], coordinates.kinds[effect]);
+    let estimate = |c: usize| {
+        let parameter = &sited.effect.parameters[coordinates.all[c].parameter];
+        Estimate {
+            name: parameter.name,
+            value: parameter.value(best.u[c], kind),
+            std: parameter.std(best.u[c], best.std(c), kind),
+            unit: parameter.unit_at(kind).to_owned(),
+        }
+    };
+    let evidence = |effects: &[usize]| outcome.fitted.get(effects).map_or(f64::NEG_INFINITY, |(_, evidence)| *evidence);
+    let without: Vec<usize> = best.effects.iter().copied().filter(|&e| e != effect).collect();
+    Blamed {
+        id: sited.effect.id,
+        joint: sited.joint(fitter.rows.robot()),
+        probability: 0.0,
+        evidence_nats: evidence(&best.effects) - evidence(&without),
+        parameters: coordinates.of(effect).map(estimate).collect(),
+        ties: Vec::new(),
+    }
+}
+
+fn candidates(fitter: &Fitter, outcome: &Outcome, probabilities: &[(Vec<usize>, f64)], with: &dyn Fn(usize) -> f64) -> Vec<Candidate> {
+    let evidence = |set: &[usize]| outcome.fitted.get(set).map(|(_, z)| *z).or_else(|| outcome.screened.get(set).copied());
+    let none = evidence(&[]).unwrap_or(0.0);
+    let best_with = |effect: usize| {
+        let sets = outcome.fitted.keys().chain(outcome.screened.keys()).filter(|set| set.contains(&effect));
+        sets.filter_map(|set| evidence(set)).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let of_effect = |(effect, sited): (usize, &raven::effects::Sited)| {
+        let evidence_nats = best_with(effect) - none;
+        let candidate =
+            Candidate { id: sited.effect.id, joint: sited.joint(fitter.rows.robot()), probability: with(effect), evidence_nats };
+        evidence_nats.is_finite().then_some(candidate)
+    };
+    let mut all: Vec<Candidate> = fitter.coordinates.sited.iter().enumerate().filter_map(of_effect).collect();
+    let p_none = probabilities.iter().find(|(set, _)| set.is_empty()).map_or(0.0, |(_, p)| *p);
+    all.push(Candidate { id: "none", joint: None, probability: p_none, evidence_nats: 0.0 });
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
+    all
+}
+
+/// The library's effects that look alike, for reports.
+fn library_ties(effect: &'static Effect) -> impl Iterator<Item = &'static raven::effects::Tie> {
+    effect.ties.iter()
+}

@@ -1,0 +1,48 @@
+//! What cannot be told from a cause, or hardly.
+
+use serde::Serialize;
+
+use super::library_ties;
+use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::search::Outcome;
+
+/// Another effect that would do as well.
+#[derive(Debug, Clone, Serialize)]
+pub struct Tied {
+    /// Identifier.
+    pub id: &'static str,
+    /// As of a cause.
+    pub joint: Option<String>,
+    /// Whether no recording of motors and tip can tell them apart.
+    pub exact: bool,
+    /// What the evidence loses with it instead [nat].
+    pub gap_nats: f64,
+    /// The motion that tells them apart.
+    pub separate_by: &'static str,
+}
+
+/// Evidence within which two causes are tied [nat].
+const WITHIN_NATS: f64 = 3.0;
+
+/// Effects that could stand in for one of a hypothesis.
+pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Vec<Tied> {
+    let sited = &fitter.coordinates.sited;
+    let reached = outcome.fitted.get(&best.effects).map_or(best.evidence, |(_, evidence)| *evidence);
+    let exact = |other: usize| library_ties(sited[effect].effect).any(|tie| tie.exact && tie.id == sited[other].effect.id);
+    let stands_in = |other: usize| {
+        let mut effects: Vec<usize> = best.effects.iter().map(|&e| if e == effect { other } else { e }).collect();
+        effects.sort_unstable();
+        let (_, evidence) = outcome.fitted.get(&effects)?;
+        let gap_nats = reached - evidence;
+        (gap_nats < WITHIN_NATS || exact(other)).then(|| Tied {
+            id: sited[other].effect.id,
+            joint: sited[other].joint(fitter.rows.robot()),
+            exact: exact(other),
+            gap_nats,
+            separate_by: sited[effect].effect.separated_by,
+        })
+    };
+    let mut ties: Vec<Tied> = (0..sited.len()).filter(|other| !best.effects.contains(other)).filter_map(stands_in).collect();
+    ties.sort_by(|a, b| a.gap_nats.total_cmp(&b.gap_nats));
+    ties
+}
