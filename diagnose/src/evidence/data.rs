@@ -10,6 +10,8 @@ use raven::robot::{MotorTrack, PAUSE_MAX_S};
 
 /// Window of the motors' smoothing [s]: a quadratic through it has the acceleration to 1 rad/s^2 beside encoder counts, and follows 4 Hz.
 pub const WINDOW_S: f64 = 0.06;
+/// Time between the motor samples that drive the links [s].
+const MOTORS_S: f64 = 0.002;
 /// Time between two torque samples [s].
 const STRIDE_S: f64 = 0.02;
 
@@ -52,8 +54,21 @@ impl Data {
             }
             _ => Vec::new(),
         };
-        Ok(Self { motors, sights, shafts })
+        Ok(Self { motors: thinned(&motors), sights, shafts })
     }
+}
+
+/// Every so many samples that the links still follow: what drives them changes little within.
+fn thinned(motors: &MotorTrack) -> MotorTrack {
+    let mut thin = MotorTrack::default();
+    for (k, (&time_s, angle)) in motors.time_s.iter().zip(&motors.angle).enumerate() {
+        let due = thin.time_s.last().is_none_or(|last| time_s - last > 0.9 * MOTORS_S);
+        if due || k + 1 == motors.time_s.len() {
+            thin.time_s.push(time_s);
+            thin.angle.push(*angle);
+        }
+    }
+    thin
 }
 
 /// Motors smoothed by a local quadratic, with the mean torque of the same window.

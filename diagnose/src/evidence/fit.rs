@@ -22,13 +22,14 @@ use super::rows::{ALL, Links, Observed};
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
 const DIFFERENCE: f64 = 0.02;
 /// Most steps of a fit.
-const STEPS_MAX: usize = 15;
+const STEPS_MAX: usize = 12;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
 const MOVED: f64 = 0.15;
-/// A fit has converged when the next step promises less than this [nat].
+/// A fit has converged when the next step promises, or the last one brought, less than this [nat], or than this part of the cost.
 const PROMISE_MIN: f64 = 0.05;
-/// Damping at the start, and the most before a fit gives up.
-const DAMPING: [f64; 2] = [1e-4, 1e6];
+const PART_MIN: f64 = 1e-4;
+/// Damping at the start, and the most before a fit gives up: slopes of settled links do not promise more than they can keep.
+const DAMPING: [f64; 2] = [1e-4, 10.0];
 /// Farthest a number is moved at once, in units of the slab.
 const STEP_MAX: f64 = 1.5;
 
@@ -158,7 +159,7 @@ impl Fitter<'_> {
             let curvature = &information + DMatrix::from_diagonal(&precision);
             let Some(newton) = curvature.clone().cholesky() else { return Ok(None) };
             let before = value;
-            while 0.5 * gradient.dot(&newton.solve(&gradient)) > PROMISE_MIN && damping < DAMPING[1] {
+            while 0.5 * gradient.dot(&newton.solve(&gradient)) > PROMISE_MIN.max(PART_MIN * value) && damping < DAMPING[1] {
                 let damped = &curvature + DMatrix::from_diagonal(&(curvature.diagonal() * damping));
                 let Some(step) = damped.cholesky().map(|factor| factor.solve(&gradient)) else { return Ok(None) };
                 let mut moved = u.clone();
@@ -169,12 +170,12 @@ impl Fitter<'_> {
                 let value_there = cost(&moved, &there);
                 if value_there < value {
                     (u, residuals, value) = (moved, there, value_there);
-                    damping = (damping * 0.1).max(1e-9);
+                    damping = (damping / 30.0).max(1e-9);
                     break;
                 }
-                damping *= 10.0;
+                damping *= 30.0;
             }
-            if before - value < PROMISE_MIN {
+            if before - value < PROMISE_MIN.max(PART_MIN * value) {
                 break;
             }
         }

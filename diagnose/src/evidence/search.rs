@@ -19,10 +19,12 @@ use super::screen::Candidate;
 /// Most effects.
 pub const EFFECTS_MAX: usize = 3;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best, at least, at most.
-const WITHIN_NATS: f64 = 40.0;
-const REFITTED: [usize; 2] = [4, 8];
+const WITHIN_NATS: f64 = 25.0;
+const REFITTED: [usize; 2] = [2, 6];
 /// As many where an effect is replaced.
-const REPLACEMENTS: [usize; 2] = [1, 3];
+const REPLACEMENTS: [usize; 2] = [0, 3];
+/// A candidate is worth a fit if the screen does not see it this far behind what has to be beaten [nat]: the screen errs on either side.
+const HOPE_NATS: f64 = 2.0;
 
 /// Everything that was looked at, and where it ended.
 pub struct Outcome {
@@ -89,7 +91,10 @@ impl Fitter<'_> {
             // Numbers of the nominal model that made up for a large effect are a bad place to look from.
             let point = if round == 1 { nominal.clone() } else { outcome.best.clone() };
             let candidates = self.screen(&point, outcome.best.evidence)?;
-            let Some(mut best) = self.refitted(&mut outcome, candidates, &REFITTED, &point)? else { break };
+            let hopeful = |c: &&Candidate| c.evidence > outcome.best.evidence + HOPE_NATS;
+            let least = if round == 1 { REFITTED[0] } else { 0 };
+            let count = [least, candidates.iter().filter(hopeful).count().clamp(least, REFITTED[1])];
+            let Some(mut best) = self.refitted(&mut outcome, candidates, &count, &point)? else { break };
             each();
             if round > 1 && self.better(&best, &outcome.best) {
                 best = self.reopened(&mut outcome, best)?;
@@ -151,7 +156,7 @@ impl Fitter<'_> {
     ) -> Result<Option<Hypothesis>> {
         let Some(first) = candidates.first().map(|c| c.evidence) else { return Ok(None) };
         let [least, most] = *count;
-        let near = candidates.iter().take_while(|c| c.evidence > first - WITHIN_NATS).count().clamp(least, most);
+        let near = candidates.iter().take_while(|c| c.evidence > first - WITHIN_NATS).count().clamp(least.min(most), most);
         let fitted: Result<Vec<Option<Hypothesis>>> =
             candidates.par_iter().take(near).map(|c| self.fit(&c.effects, &c.start, Some(like))).collect();
         let fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().collect();
@@ -184,8 +189,8 @@ impl Fitter<'_> {
                 };
                 let Some(rest) = rest else { continue };
                 outcome.keep(&rest);
-                let candidates =
-                    self.screen(&rest, rest.evidence)?.into_iter().filter(|c| !outcome.fitted.contains_key(&c.effects)).collect();
+                let hopeful = |c: &Candidate| c.evidence > best.evidence - HOPE_NATS && !outcome.fitted.contains_key(&c.effects);
+                let candidates = self.screen(&rest, rest.evidence)?.into_iter().filter(hopeful).collect();
                 let replaced = self.refitted(outcome, candidates, &REPLACEMENTS, &rest)?;
                 for hypothesis in [Some(rest), replaced].into_iter().flatten() {
                     if self.better(&hypothesis, better.as_ref().unwrap_or(&best)) {

@@ -1,11 +1,11 @@
 //! Rate-independent hysteresis between capstan and cable: the cable's end lags behind the capstan by up to `h`, whatever the load.
 //!
 //! ```text
-//! dz / d|x| = (h sign(dx) - z) / l
+//! dz / dx = (h / l) (1 - |z / h| (1 + sign(z dx)) / 2)
 //! ```
 //!
-//! The lag `z` approaches `h` after each reversal over a travel of some `l`; a sharp play has its whole lag after `2 h` (Dahl 1968 with
-//! exponent one; the Duhem class in Visintin, Differential Models of Hysteresis, 1994).
+//! After a reversal the lag `z` falls to zero in proportion to the travel, over `l`, and then approaches `h` (Bouc 1967, Wen 1976, with
+//! exponent one and `beta = gamma`); a sharp play has its whole lag after `2 h`.
 
 use std::borrow::Cow;
 
@@ -71,7 +71,12 @@ fn lagging(lag: f64, half: f64, length: f64, travel: f64) -> f64 {
         return lag;
     }
     let target = half * travel.signum();
-    target + (lag - target) * (-(travel / length).abs()).exp()
+    let to_zero = if lag * target < 0.0 { (lag / half).abs() * length } else { 0.0 };
+    if travel.abs() < to_zero {
+        return lag + half / length * travel;
+    }
+    let lag = if to_zero > 0.0 { 0.0 } else { lag };
+    target + (lag - target) * (-(travel.abs() - to_zero) / length).exp()
 }
 
 #[cfg(test)]

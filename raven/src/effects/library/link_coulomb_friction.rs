@@ -3,6 +3,9 @@
 use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
 use crate::robot::STICTION_SPEED;
 
+/// Steepest slope of friction at rest, over the model's own.
+const STEEPEST: f64 = 2.0;
+
 /// link-coulomb-friction.
 pub const EFFECT: Effect = Effect {
     id: "link-coulomb-friction",
@@ -12,7 +15,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[
         Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.3), tolerance: Some(|robot, _| robot.tolerances.link_friction) },
         // How friction fades towards rest is a law of its own, of which nobody knows the numbers.
-        Parameter { name: "stiction_speed_factor", unit: "1", scale: Scale::Factor(1.0), tolerance: Some(|_, _| 1.0) },
+        Parameter { name: "slope_factor", unit: "1", scale: Scale::Factor(0.7), tolerance: Some(|_, _| 0.7) },
     ],
     channels: &[Channel::Tip, Channel::Torque],
     ties: &[Tie { id: "motor-coulomb-friction", exact: false }, Tie { id: "hysteresis", exact: false }],
@@ -21,7 +24,10 @@ pub const EFFECT: Effect = Effect {
         let joint = &mut model.robot.joints[place.first];
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
-            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[1]);
+            // More friction takes more speed to build up: its slope at rest is the bearing's. One much steeper than the model's looks the
+            // same, and takes ever smaller steps.
+            let slope = values[1].min(STEEPEST);
+            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[0] / slope);
         }
     },
 };
