@@ -67,7 +67,9 @@ fn main() {
                 }
             }
             let mut h = fitter.fit(&effects, &u, None).unwrap().unwrap();
-            if std::env::var("NOFIT").is_ok() { h.residuals = fitter.exact(&fitter.nowhere()).unwrap(); }
+            if std::env::var("NOFIT").is_ok() {
+                h.residuals = fitter.exact(&fitter.nowhere()).unwrap();
+            }
             let n = rows.tip_rows();
             let chi = |r: &[f64]| r.iter().map(|v| v * v).sum::<f64>() / r.iter().filter(|v| **v != 0.0).count() as f64;
             println!(

@@ -15,7 +15,7 @@ pub struct Gap {
     /// RMS that the measurement's own noise would leave.
     pub noise_floor: f64,
     /// RMS of the measurement against transmission kinematics, noise included, before anything is fitted.
-    pub before: f64,
+    pub transmission: f64,
     /// The same against the robot model, its cables and links rolled out over the recorded motor angles.
     pub model: f64,
     /// Observations behind it.
@@ -31,7 +31,7 @@ impl Gap {
             channel: channel.to_owned(),
             unit,
             noise_floor: scaled(&residuals.noise)?,
-            before: scaled(&residuals.rigid_error)?,
+            transmission: scaled(&residuals.rigid_error)?,
             model: scaled(&residuals.error)?,
             observations: residuals.error.len(),
         })
@@ -52,7 +52,7 @@ mod tests {
         let gap = Gap::new("insertion", "mm", 1e3, &residuals).unwrap();
         assert_relative_eq!(gap.noise_floor, 10.0, epsilon = 1e-9);
         assert_relative_eq!(gap.model, 1250.0_f64.sqrt(), epsilon = 1e-9);
-        assert_relative_eq!(gap.before, 5000.0_f64.sqrt(), epsilon = 1e-9);
+        assert_relative_eq!(gap.transmission, 5000.0_f64.sqrt(), epsilon = 1e-9);
         assert!(Gap::new("insertion", "mm", 1e3, &Residuals::default()).is_none());
     }
 }

@@ -22,12 +22,13 @@ use raven::robot::Robot;
 use raven::{Error, Result};
 use serde::Serialize;
 
+use crate::attribution::Attribution;
 use crate::evidence::data::Data;
 use crate::gap::Gap;
 use crate::residual::{Channels, Residuals, channels};
 use crate::whereabouts::{Place, Whereabouts};
 
-/// Says how large the gap between a robot and its model is, and where it lies.
+/// Says how large the gap between a robot and its model is, where it lies, which unmodelled effect causes it, and how far it closes.
 ///
 ///   raven-diagnose tracked.mcap --robot robot.yaml --json report.json
 ///   raven-diagnose check blind/ --robot robot.yaml    # verdicts on sealed recordings, then the score; see check --help
@@ -43,6 +44,9 @@ pub struct Args {
     /// Cameras the tips were tracked with: the tip's gap is then looked at in pixels.
     #[arg(long)]
     cameras: Option<PathBuf>,
+    /// Says how large the gap is and where it lies, and leaves out the causes, which take longest.
+    #[arg(long)]
+    gap_only: bool,
     /// Writes the report as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
@@ -51,14 +55,18 @@ pub struct Args {
     html: Option<PathBuf>,
 }
 
-/// The report, `raven-diagnosis/1` without a verdict.
+/// The report, `raven-diagnosis/1`.
 #[derive(Debug, Serialize)]
 pub struct Report {
     format: &'static str,
+    #[serde(flatten)]
+    attribution: Option<Attribution>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    no_diagnosis: Option<String>,
     #[serde(rename = "where")]
     places: Vec<Place>,
     where_in_words: Vec<String>,
-    gap: Vec<Gap>,
+    model_gap: Vec<Gap>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     controller: Vec<ControllerDifference>,
     recordings: Vec<String>,
@@ -79,8 +87,7 @@ struct ControllerDifference {
 /// If the recording cannot be read or has nothing to hold against the model.
 pub fn diagnose_recording(log: &Path, robot: &Robot, cameras: Option<&Cameras>) -> Result<check::Verdict> {
     let recording = Recording::read(log, &robot.into())?;
-    let data = [Data::new(&recording, cameras)?];
-    Ok((&attribution::attribute(robot, cameras, &data, || ())?).into())
+    Ok((&causes(robot, cameras, &[recording])?).into())
 }
 
 /// The verdict of a diagnosis that is told what a recording hides; `None` where there is none.
@@ -103,25 +110,49 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     bar.finish_and_clear();
     let whereabouts = whereabouts::find(&whereabouts::recorded(&robot, cameras.as_ref(), &recordings, &residuals)?);
-    let report = Report::new(&robot, &args.logs, &residuals, &whereabouts);
+    let mut report = Report::new(&robot, &args.logs, &residuals, &whereabouts);
+    if !args.gap_only {
+        match causes(&robot, cameras.as_ref(), &recordings) {
+            Ok(attribution) => report.attribution = Some(attribution),
+            Err(Error::Data(because)) => report.no_diagnosis = Some(because),
+            Err(error) => return Err(error),
+        }
+    }
     report.print(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     if let Some(json) = &args.json {
         cli::write_json(json, &report)?;
     }
     if let Some(html) = &args.html {
-        let page = report::gap_page(&robot, &report.recordings, &residuals, &report.gap, &whereabouts);
+        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &report.model_gap, &whereabouts);
+        if let Some(attribution) = &report.attribution {
+            report::add_causes(&mut page, attribution);
+        }
         raven::files::write_atomic(html, report::html(&page).as_bytes())?;
     }
     Ok(Outcome::Done)
 }
 
+/// What recordings say of causes.
+fn causes(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording]) -> Result<Attribution> {
+    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, cameras)).collect::<Result<_>>()?;
+    let bar = cli::progress(STEPS, "looking for causes");
+    let attribution = attribution::attribute(robot, cameras, &data, || bar.inc(1));
+    bar.finish_and_clear();
+    attribution
+}
+
+/// Steps of a search that finds two effects.
+const STEPS: u64 = 6;
+
 impl Report {
     fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels], whereabouts: &Whereabouts) -> Self {
         let mut report = Self {
             format: "raven-diagnosis/1",
+            attribution: None,
+            no_diagnosis: None,
             places: whereabouts.listed(),
             where_in_words: whereabouts.sentences.clone(),
-            gap: Vec::new(),
+            model_gap: Vec::new(),
             controller: Vec::new(),
             recordings: logs.iter().map(|path| path.display().to_string()).collect(),
             unreachable: recordings.iter().map(|r| r.unreachable).sum(),
@@ -129,19 +160,19 @@ impl Report {
         for (j, joint) in robot.joints.iter().enumerate() {
             let (unit, scale) = joint.display_unit();
             let of_joint: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
-            report.gap.extend(Gap::new(&joint.name, unit, scale, &together(&of_joint)));
+            report.model_gap.extend(Gap::new(&joint.name, unit, scale, &together(&of_joint)));
             let differences = recordings.iter().filter_map(|r| r.controller_difference.as_ref()?.get(j));
             if let Some(largest) = differences.copied().reduce(f64::max) {
                 report.controller.push(ControllerDifference { joint: joint.name.clone(), unit, largest: largest * scale });
             }
         }
         let tips: Vec<&Residuals> = recordings.iter().map(|r| &r.tip).collect();
-        report.gap.extend(Gap::new("tip", "mm", 1e3, &together(&tips)));
+        report.model_gap.extend(Gap::new("tip", "mm", 1e3, &together(&tips)));
         report
     }
 
     fn print(&self, out: &mut dyn Write) -> std::io::Result<()> {
-        if self.gap.is_empty() {
+        if self.model_gap.is_empty() {
             writeln!(out, "No tip and no joint encoders in these recordings: the gap at the joints cannot be seen.")?;
         } else {
             writeln!(out, "Gap (rms): the recordings against transmission kinematics, and against the model with its cables and links")?;
@@ -151,11 +182,17 @@ impl Report {
                 "channel", "unit", "transmission", "model", "noise floor", "observations"
             )?;
         }
-        for gap in &self.gap {
-            let Gap { channel, unit, before, model, noise_floor, observations } = gap;
-            writeln!(out, "{channel:<10} {unit:>4} {before:>13.2} {model:>8.2} {noise_floor:>12.2} {observations:>13}")?;
+        for gap in &self.model_gap {
+            let Gap { channel, unit, transmission, model, noise_floor, observations } = gap;
+            writeln!(out, "{channel:<10} {unit:>4} {transmission:>13.2} {model:>8.2} {noise_floor:>12.2} {observations:>13}")?;
         }
         self.print_where(out)?;
+        if let Some(attribution) = &self.attribution {
+            write!(out, "\n{}", attribution::words(attribution))?;
+        }
+        if let Some(because) = &self.no_diagnosis {
+            writeln!(out, "\n{because}")?;
+        }
         if !self.controller.is_empty() {
             writeln!(out, "\nThe controller's own joint angles against transmission kinematics before calibration (largest difference)")?;
         }

@@ -69,7 +69,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let plots = "--json {replay.json} --plot {replay.svg}";
     chain.step("raven-replay", replay, &format!("{{fls-tracked.mcap}} --robot {{identified.yaml}} --cameras {{cameras.yaml}} {plots}"))?;
     for (robot, report) in [("robot.yaml", "gap-before.json"), ("identified.yaml", "gap-after.json")] {
-        let what = format!("{{fls-tracked.mcap}} --robot {{{robot}}} --cameras {{cameras.yaml}} --json {{{report}}}");
+        let what = format!("{{fls-tracked.mcap}} --robot {{{robot}}} --cameras {{cameras.yaml}} --gap-only --json {{{report}}}");
         chain.step("raven-diagnose", diagnose, &what)?;
     }
     let verdict = against_truth(folder)?;

@@ -15,7 +15,7 @@ fn diagnose(log: &str, robot: &str) -> Option<serde_json::Value> {
 fn the_gap_of_a_raven_tracked_with_phasespace() {
     let Some(report) = diagnose("raven2_phasespace.mcap", "raven2-berkeley-gold.yaml") else { return };
     for (channel, expected) in [(0, 0.96), (1, 0.74), (2, 2.34)] {
-        let gap = number(&report, &format!("/gap/{channel}/before"));
+        let gap = number(&report, &format!("/model_gap/{channel}/transmission"));
         assert!((gap - expected).abs() < 0.01, "channel {channel}: {gap} instead of {expected}");
     }
 }

@@ -5,12 +5,14 @@ mod detectable;
 mod fitness;
 mod ties;
 mod verdict;
+mod words;
 
 pub use closure::{Closure, Share};
 pub use detectable::Detectable;
 pub use fitness::check_fitness;
 pub use ties::Tied;
 pub use verdict::Word;
+pub use words::{number, sentence, words};
 
 use raven::Result;
 use raven::camera::Cameras;

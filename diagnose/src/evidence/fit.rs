@@ -185,7 +185,7 @@ impl Fitter<'_> {
             return Ok(None);
         }
         let mut hypothesis = Hypothesis { effects, u, free, covariance, evidence, residuals, columns };
-        hypothesis.evidence += self.half_spaces(&hypothesis.effects, &|c| hypothesis.u[c] / hypothesis.std(c));
+        hypothesis.evidence += self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &|c| hypothesis.std(c));
         Ok(Some(hypothesis))
     }
 
@@ -202,17 +202,24 @@ impl Fitter<'_> {
         }
     }
 
-    /// A magnitude's prior is half a normal distribution, and part of its posterior is cut away: what that adds to the evidence [nat].
-    /// `size` is a coordinate in its posterior deviations.
+    /// What priors that are not normal add to the evidence [nat], at `u` with posterior deviations `std`.
+    ///
+    /// A magnitude's prior is half a normal distribution, and part of its posterior is cut away. The sizes of an effect are not near zero,
+    /// where its absence would do as well: their prior is `|u|^2 / n` times the normal one (the moment prior of Johnson and Rossell 2010).
     #[must_use]
-    pub fn half_spaces(&self, effects: &[usize], size: &dyn Fn(usize) -> f64) -> f64 {
-        let magnitude = |&c: &usize| {
+    pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
+        let scale = |c: usize| {
             let coordinate = self.coordinates.all[c];
-            let parameters = self.coordinates.sited[coordinate.effect].effect.parameters;
-            matches!(parameters[coordinate.parameter].scale, Scale::Magnitude(_))
+            self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale
         };
-        let coordinates = effects.iter().flat_map(|&e| self.coordinates.of(e)).filter(magnitude);
-        coordinates.map(|c| (2.0 * normal_cdf(size(c)).max(f64::MIN_POSITIVE)).ln()).sum()
+        let of_effect = |&effect: &usize| {
+            let sizes = || self.coordinates.of(effect).filter(|&c| !matches!(scale(c), Scale::Shape { .. } | Scale::Moment));
+            let square: f64 = sizes().map(|c| u(c).powi(2) + std(c).powi(2)).sum();
+            let moment = if square > 0.0 { (square / sizes().count() as f64).ln() } else { 0.0 };
+            let magnitudes = sizes().filter(|&c| matches!(scale(c), Scale::Magnitude(_)));
+            moment + magnitudes.map(|c| (2.0 * normal_cdf(u(c) / std(c)).max(f64::MIN_POSITIVE)).ln()).sum::<f64>()
+        };
+        effects.iter().map(of_effect).sum()
     }
 }
 

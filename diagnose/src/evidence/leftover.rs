@@ -89,7 +89,7 @@ impl Fitter<'_> {
             return f64::NEG_INFINITY;
         };
         let std = |c: usize| hypothesis.free.iter().position(|&f| f == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
-        found + self.half_spaces(&hypothesis.effects, &|c| hypothesis.u[c] / std(c))
+        found + self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &std)
     }
 }
 

@@ -53,7 +53,7 @@ impl Fitter<'_> {
         let promise = minimum(&point.information, &point.score, point.square, &at, &precision)
             .and_then(|(_, cost)| evidence(&point.information, &precision, cost));
         point.promised =
-            promise.map_or(0.0, |(promise, _)| promise + self.half_spaces(&base.effects, &|c| base.u[c] / base.std(c)) - reached);
+            promise.map_or(0.0, |(promise, _)| promise + self.beyond_normal(&base.effects, &|c| base.u[c], &|c| base.std(c)) - reached);
         let others: Vec<usize> = (0..self.coordinates.sited.len()).filter(|e| !base.effects.contains(e)).collect();
         let candidates: Result<Vec<Option<Candidate>>> = others
             .par_iter()
@@ -154,7 +154,7 @@ impl Fitter<'_> {
         let Some((evidence, covariance)) = evidence(&information, &precision, cost) else { return Ok(None) };
         coordinates.iter().zip(step.iter()).for_each(|(&c, step)| u[c] = self.kept_inside(c, u[c], *step));
         let std = |c: usize| coordinates.iter().position(|&at| at == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
-        let evidence = evidence + self.half_spaces(&effects, &|c| u[c] / std(c)) - point.promised;
+        let evidence = evidence + self.beyond_normal(&effects, &|c| u[c], &std) - point.promised;
         Ok(Some(Candidate { evidence, effects, start: u }))
     }
 

@@ -18,6 +18,8 @@ use super::screen::Candidate;
 
 /// Most effects.
 pub const EFFECTS_MAX: usize = 3;
+/// An effect matters if it explains at least this part of what is explained in one of the channels.
+const MATERIAL: f64 = 0.005;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best, at least, at most.
 const WITHIN_NATS: f64 = 25.0;
 const REFITTED: [usize; 2] = [2, 6];
@@ -39,6 +41,8 @@ pub struct Outcome {
     /// Tempered evidence, at most, of those that the screen gave up [nat].
     pub screened: BTreeMap<Vec<usize>, f64>,
     effects: usize,
+    /// Whitened residuals of the nominal model as it is.
+    nominal: Vec<f64>,
 }
 
 impl Outcome {
@@ -84,6 +88,7 @@ impl Fitter<'_> {
             fitted: BTreeMap::new(),
             screened: BTreeMap::new(),
             effects: self.coordinates.sited.len(),
+            nominal: nominal.residuals.clone(),
         };
         outcome.keep(&none);
         each();
@@ -96,11 +101,11 @@ impl Fitter<'_> {
             let count = [least, candidates.iter().filter(hopeful).count().clamp(least, REFITTED[1])];
             let Some(mut best) = self.refitted(&mut outcome, candidates, &count, &point)? else { break };
             each();
-            if round > 1 && self.better(&best, &outcome.best) {
+            if round > 1 && self.better(&outcome, &best, &outcome.best) {
                 best = self.reopened(&mut outcome, best)?;
                 each();
             }
-            if !self.better(&best, &outcome.best) {
+            if !self.better(&outcome, &best, &outcome.best) {
                 break;
             }
             outcome.best = best;
@@ -124,11 +129,28 @@ impl Fitter<'_> {
     }
 
     /// Whether a hypothesis is more probable than another when what the richer one leaves counts as noise.
-    fn better(&self, one: &Hypothesis, other: &Hypothesis) -> bool {
+    fn better(&self, outcome: &Outcome, one: &Hypothesis, other: &Hypothesis) -> bool {
+        if other.effects.iter().all(|e| one.effects.contains(e)) && !self.is_material(outcome, one, other) {
+            return false;
+        }
         let richer = if other.effects.len() > one.effects.len() { other } else { one };
         let leftover = Leftover::of(&richer.residuals, self.rows.tip_rows());
         let score = |h: &Hypothesis| self.tempered(h, &leftover) + prior::log(h.effects.len(), self.coordinates.sited.len());
         score(one) > score(other)
+    }
+
+    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that it explains there.
+    fn is_material(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
+        let tip_rows = self.rows.tip_rows();
+        let channel = |k: usize| if k < tip_rows { 0 } else { 1 + (k - tip_rows) % 3 };
+        let squares = |residuals: &[f64]| {
+            residuals.iter().enumerate().fold([0.0; 4], |mut sum, (k, r)| {
+                sum[channel(k)] += r * r;
+                sum
+            })
+        };
+        let [all, without, with] = [&outcome.nominal, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
+        (0..4).any(|k| without[k] - with[k] > MATERIAL * (all[k] - with[k]).max(0.0))
     }
 
     /// Judges all hypotheses alike: what the best of them leaves counts as noise.
@@ -140,10 +162,22 @@ impl Fitter<'_> {
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
         let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
+        let immaterial: Vec<Vec<usize>> =
+            outcome.fitted.values().filter(|(h, _)| self.has_immaterial(outcome, h)).map(|(h, _)| h.effects.clone()).collect();
+        outcome.fitted.retain(|effects, _| !immaterial.contains(effects));
+        outcome.screened.retain(|effects, _| effects.len() <= 1 || !immaterial.contains(effects));
         let score = |h: &Hypothesis, evidence: f64| evidence + prior::log(h.effects.len(), outcome.effects);
         if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| score(&a.0, a.1).total_cmp(&score(&b.0, b.1))) {
             outcome.best = best.clone();
         }
+    }
+
+    fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {
+        let without = |left_out: &usize| {
+            let effects: Vec<usize> = hypothesis.effects.iter().copied().filter(|e| e != left_out).collect();
+            outcome.fitted.get(&effects).filter(|_| !effects.is_empty())
+        };
+        hypothesis.effects.iter().filter_map(without).any(|(poorer, _)| !self.is_material(outcome, hypothesis, poorer))
     }
 
     /// Fits the best candidates, and returns the best of them.
@@ -193,7 +227,7 @@ impl Fitter<'_> {
                 let candidates = self.screen(&rest, rest.evidence)?.into_iter().filter(hopeful).collect();
                 let replaced = self.refitted(outcome, candidates, &REPLACEMENTS, &rest)?;
                 for hypothesis in [Some(rest), replaced].into_iter().flatten() {
-                    if self.better(&hypothesis, better.as_ref().unwrap_or(&best)) {
+                    if self.better(outcome, &hypothesis, better.as_ref().unwrap_or(&best)) {
                         better = Some(hypothesis);
                     }
                 }

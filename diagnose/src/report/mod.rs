@@ -1,6 +1,7 @@
 //! The report on one page: HTML without scripts or anything from elsewhere, for a screen, bright or dark, and for A4 paper.
 
 mod bars;
+mod causes;
 mod gap;
 mod html;
 #[cfg(test)]
@@ -8,6 +9,7 @@ mod sample;
 mod svg;
 mod traces;
 
+pub use causes::add_causes;
 pub use gap::gap_page;
 pub use html::html;
 

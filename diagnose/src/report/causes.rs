@@ -1,0 +1,59 @@
+//! The page with what the recordings say of causes.
+
+use super::{Candidate, Detectable, GapBar, Page};
+use crate::attribution::{Attribution, number, sentence};
+
+/// Candidates that the page shows.
+const SHOWN: usize = 12;
+
+/// Adds verdict, candidates, closure, ties and sizes to the page of a gap.
+pub fn add_causes(page: &mut Page, attribution: &Attribution) {
+    page.verdict = attribution.verdict.name().to_owned();
+    page.verdict_sentence = sentence(attribution);
+    page.gaps = attribution.gap.iter().map(bar).collect();
+    let blamed = |candidate: &crate::attribution::Candidate| {
+        attribution.effects.iter().find(|effect| effect.id == candidate.id && effect.joint == candidate.joint)
+    };
+    let shown = |candidate: &crate::attribution::Candidate| Candidate {
+        effect: candidate.id.to_owned(),
+        joint: candidate.joint.clone(),
+        probability: candidate.probability,
+        evidence_nats: candidate.evidence_nats,
+        parameters: blamed(candidate).map_or_else(Vec::new, |effect| effect.parameters.iter().map(number).collect()),
+        chosen: blamed(candidate).is_some(),
+    };
+    page.candidates = attribution.candidates.iter().take(SHOWN).map(shown).collect();
+    for effect in &attribution.effects {
+        for tie in &effect.ties {
+            let (this, other) = (at(effect.id, effect.joint.as_deref()), at(tie.id, tie.joint.as_deref()));
+            let how = if tie.exact { "cannot be told from" } else { "can hardly be told from" };
+            page.ties.push(format!("{this} {how} {other} in these recordings ({:.1} nats).", tie.gap_nats));
+            page.next_steps.push(format!("To tell {this} from {other}, record {}.", tie.separate_by));
+        }
+        page.next_steps.push(format!(
+            "Put {} into the robot file with `raven-identify --add-effect {}` and look again.",
+            at(effect.id, effect.joint.as_deref()),
+            effect.joint.as_ref().map_or_else(|| effect.id.to_owned(), |joint| format!("{}:{joint}", effect.id))
+        ));
+    }
+    let detectable = attribution.minimum_detectable.iter().filter_map(|least| {
+        Some(Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: least.size?, unit: least.unit.clone() })
+    });
+    page.detectable = detectable.collect();
+    page.not_observable = attribution.not_observable.iter().map(|none| (none.id.to_owned(), none.because.clone())).collect();
+}
+
+fn bar(gap: &crate::attribution::Closure) -> GapBar {
+    GapBar {
+        channel: gap.channel.clone(),
+        unit: gap.unit.to_owned(),
+        noise_floor: gap.noise_floor,
+        before: gap.before,
+        after: gap.held_out.then_some(gap.after),
+        closed: gap.closed.zip(gap.closed_ci95),
+    }
+}
+
+fn at(id: &str, joint: Option<&str>) -> String {
+    joint.map_or_else(|| id.to_owned(), |joint| format!("{id} at the {joint}"))
+}
