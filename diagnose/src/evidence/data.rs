@@ -11,7 +11,7 @@ use raven::robot::{MotorTrack, PAUSE_MAX_S};
 /// Window of the motors' smoothing [s]: a quadratic through it has the acceleration to 1 rad/s^2 beside encoder counts, and follows 4 Hz.
 pub const WINDOW_S: f64 = 0.06;
 /// Time between two torque samples [s].
-const STRIDE_S: f64 = 0.02;
+pub(super) const STRIDE_S: f64 = 0.02;
 
 /// What one recording offers.
 pub struct Data {
@@ -63,7 +63,8 @@ fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
     (1..count).filter_map(|k| shaft(motors, torque, start + k as f64 * STRIDE_S)).collect()
 }
 
-fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
+/// Motors at one time, smoothed, and their torque; `None` where samples are missing or there are fewer than five in the window.
+pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
     let from = motors.time_s.partition_point(|&t| t < time_s - 0.5 * WINDOW_S);
     let to = motors.time_s.partition_point(|&t| t <= time_s + 0.5 * WINDOW_S);
     let times = motors.time_s.get(from..to)?;

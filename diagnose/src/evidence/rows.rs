@@ -3,17 +3,17 @@
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Channel, Model, Shaft, Sited, TipModel, TorqueModel};
+use raven::effects::{Channel, Measure, Model, Shaft, Sited, TipModel, TorqueModel};
 use raven::robot::{Arm, Robot};
 
 use super::data::{Data, WINDOW_S};
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
-const TORQUE_MODEL: f64 = 0.01;
+pub(super) const TORQUE_MODEL: f64 = 0.01;
 /// Time over which its errors are alike [s].
-const TORQUE_ALIKE_S: f64 = 0.2;
+pub(super) const TORQUE_ALIKE_S: f64 = 0.2;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s].
-const CREEP_RAD_S: f64 = 1.0;
+pub(super) const CREEP_RAD_S: f64 = 1.0;
 
 /// Part of a joint's dry friction that is not known near rest, and how slow that is in speeds below which friction fades.
 const NEAR_REST: f64 = 0.5;
@@ -61,6 +61,16 @@ pub trait Observed: Sync {
 
     /// Whether the rig's lenses are known.
     fn has_cameras(&self) -> bool;
+
+    /// What an effect's sizes are measured in.
+    fn measure(&self, sited: &Sited) -> Measure {
+        sited.measure
+    }
+
+    /// Why an effect could not show whatever the recordings were, if so.
+    fn cannot_show(&self, _sited: &Sited) -> Option<&'static str> {
+        None
+    }
 
     /// Whitened measured less predicted with effects built in; rolled out or, fifty times as fast, settled. Channels that are not asked
     /// for are zero, as are rows that say nothing.

@@ -3,7 +3,9 @@
 //! An effect is one file of [`library`]: its identifier, stage, parameters with what is believed of them beforehand, the channels it shows
 //! in, its ties, and how it changes the [`Model`]. The equations are those of the fitted model; the virtual lab has its own.
 
+mod bench;
 pub mod library;
+mod measure;
 mod model;
 mod parameter;
 mod tension;
@@ -11,8 +13,10 @@ mod tip;
 mod torque;
 mod view;
 
-pub use library::ALL;
-pub use model::{Drive, Model, MotorLaw};
+pub use bench::{BenchModel, Driven, Tension};
+pub use library::{ALL, AMOUNTS};
+pub use measure::Measure;
+pub use model::{Cables, Drive, Model, MotorLaw};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
 pub use torque::{LinkMotion, Shaft, TorqueModel};
@@ -107,6 +111,15 @@ pub struct Place {
     pub second: usize,
 }
 
+/// What stands for an effect where the nominal model has nothing that a factor could multiply.
+#[derive(Debug, Clone, Copy)]
+pub struct Amount {
+    /// The number that the factor would be on; 0 where it is not given.
+    pub nominal: fn(&Robot, Place) -> f64,
+    /// The effect with an amount for its number.
+    pub effect: Effect,
+}
+
 /// An effect at a place.
 #[derive(Debug, Clone, Copy)]
 pub struct Sited {
@@ -114,6 +127,8 @@ pub struct Sited {
     pub effect: &'static Effect,
     /// Place.
     pub place: Place,
+    /// What its sizes are measured in.
+    pub measure: Measure,
 }
 
 impl Effect {
@@ -146,10 +161,27 @@ impl Effect {
 }
 
 impl Sited {
-    /// Every effect of the library at every place of a robot.
+    /// Every effect of the library at every place of a robot, in sizes of a Raven. One on a number that the nominal model lacks or has as
+    /// zero is an [`Amount`].
     #[must_use]
     pub fn all(robot: &Robot) -> Vec<Self> {
-        ALL.iter().flat_map(|effect| effect.places(robot).into_iter().map(move |place| Self { effect, place })).collect()
+        ALL.iter().flat_map(|effect| effect.places(robot).into_iter().map(move |place| Self::new(effect, place, robot))).collect()
+    }
+
+    fn new(effect: &'static Effect, place: Place, robot: &Robot) -> Self {
+        let amount = AMOUNTS.iter().find(|amount| amount.effect.id == effect.id && (amount.nominal)(robot, place) == 0.0);
+        let sited = Self { effect: amount.map_or(effect, |amount| &amount.effect), place, measure: Measure::raven(JointType::Revolute) };
+        Self { measure: Measure::raven(sited.joint_type(robot)), ..sited }
+    }
+
+    /// The joint whose sizes it has; the first for the whole.
+    #[must_use]
+    pub fn joint_measured(&self) -> usize {
+        match self.effect.scope {
+            Scope::Pair => self.place.second,
+            Scope::Joint => self.place.first,
+            Scope::LinkAngle | Scope::Robot | Scope::Rig => 0,
+        }
     }
 
     /// `joint` of a report: a joint's name, `from->to`, `12` or `23`, nothing for the whole.

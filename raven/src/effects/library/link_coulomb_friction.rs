@@ -1,6 +1,6 @@
 //! Dry friction at the joint.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
 use crate::robot::STICTION_SPEED;
 
 /// link-coulomb-friction.
@@ -23,5 +23,20 @@ pub const EFFECT: Effect = Effect {
             friction.coulomb *= values[0];
             friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[1]);
         }
+    },
+};
+
+/// The same where the nominal model has none of it: an amount instead of a factor.
+pub const AMOUNT: Amount = Amount {
+    nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb),
+    effect: Effect {
+        summary: "F_c of a joint without any in the nominal model",
+        parameters: &[Parameter { name: "amount", unit: "joint force", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None }, EFFECT.parameters[1]],
+        act: |model, place, values| {
+            let friction = model.link_friction_mut(place.first);
+            friction.coulomb = values[0];
+            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[1]);
+        },
+        ..EFFECT
     },
 };
