@@ -10,6 +10,8 @@ use raven::robot::{MotorTrack, PAUSE_MAX_S};
 
 /// Window of the motors' smoothing [s]: a quadratic through it has the acceleration to 1 rad/s^2 beside encoder counts, and follows 4 Hz.
 pub const WINDOW_S: f64 = 0.06;
+/// Most tips of a recording that are looked at: a tracker may see a hundred a second, and neighbours share what no model explains.
+const SIGHTS_MAX: usize = 3000;
 /// Time between two torque samples [s].
 pub(super) const STRIDE_S: f64 = 0.02;
 
@@ -17,7 +19,7 @@ pub(super) const STRIDE_S: f64 = 0.02;
 pub struct Data {
     /// Motors.
     pub motors: MotorTrack,
-    /// Tips that were seen.
+    /// Tips that were seen; of more than some thousand, evenly spaced ones.
     pub sights: Vec<Sight>,
     /// Drives; empty without torque.
     pub shafts: Vec<Shaft>,
@@ -42,7 +44,9 @@ impl Data {
             }),
         });
         let finite = |sight: &Sight| sight.position_m.iter().chain(&sight.covariance_m2).all(|v| v.is_finite());
-        let sights = sights.filter(finite).collect();
+        let sights: Vec<Sight> = sights.filter(finite).collect();
+        let stride = sights.len().div_ceil(SIGHTS_MAX).max(1);
+        let sights = sights.into_iter().step_by(stride).collect();
         let shafts = match recording.require_motor()?.effort.as_ref() {
             Some(effort) if effort.len() >= 3 => {
                 let series = recording.require_motor()?;

@@ -181,9 +181,12 @@ impl Observed for Rows<'_> {
                 let row = seen.map_or_else(Vector3::zeros, |seen| whiten * (sight.position_m - seen));
                 tips.extend(row.iter().map(|v| if v.is_finite() { *v } else { 0.0 }));
             }
-            for ((shaft, weight), moving) in shafts.iter().zip(weights).zip(moving) {
+            let delivered: Vec<Vector3<f64>> = shafts.iter().map(|shaft| torque.delivered(&shaft.commanded)).collect();
+            let per_delivered = commanded_per_delivered(shafts.iter().map(|shaft| shaft.commanded).zip(delivered.iter().copied()), weights);
+            for (((shaft, weight), moving), delivered) in shafts.iter().zip(weights).zip(moving).zip(delivered) {
                 let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
-                torques.extend((torque.delivered(&shaft.commanded) - torque.needed(shaft, &moving)).component_mul(weight).iter());
+                let lacking = delivered - torque.needed(shaft, &moving);
+                torques.extend(lacking.component_mul(weight).component_mul(&per_delivered).iter());
             }
         }
         tips.resize(self.tip_rows(), 0.0);
@@ -191,6 +194,21 @@ impl Observed for Rows<'_> {
         tips.append(&mut torques);
         Ok(tips)
     }
+}
+
+/// What turns torques as delivered into torques as commanded, per joint: the ratio of their rms over samples that count. What was recorded
+/// is the command; an error of the torque delivered would vanish in drives that deliver nothing.
+pub(super) fn commanded_per_delivered(
+    samples: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>,
+    weights: &[Vector3<f64>],
+) -> Vector3<f64> {
+    let (mut commanded, mut delivered) = (Vector3::zeros(), Vector3::zeros());
+    for ((asked, got), weight) in samples.zip(weights) {
+        let counts = weight.map(|w| if w > 0.0 { 1.0 } else { 0.0 });
+        commanded += asked.component_mul(&asked).component_mul(&counts);
+        delivered += got.component_mul(&got).component_mul(&counts);
+    }
+    commanded.zip_map(&delivered, |asked: f64, got: f64| if got > 0.0 { (asked / got).sqrt() } else { 1.0 })
 }
 
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is

@@ -100,6 +100,8 @@ impl Measure {
             ("motor speed", false, _) => "m/s",
             ("joint compliance", _, true) => "rad/(N m)",
             ("joint compliance", _, false) => "m/N",
+            ("joint/rad", _, true) => "rad/rad",
+            ("joint/rad", _, false) => "m/rad",
             ("joint", _, true) => "rad",
             ("joint", _, false) | ("capstan length", ..) => "m",
             _ => unit,

@@ -22,7 +22,9 @@ pub use tip::{Sight, TipModel};
 pub use torque::{LinkMotion, Shaft, TorqueModel};
 pub use view::View;
 
-use crate::robot::{JointType, Robot};
+use std::collections::BTreeSet;
+
+use crate::robot::{JointType, KinematicsKind, Robot};
 use crate::{Error, Result};
 
 /// What an effect belongs to.
@@ -149,11 +151,15 @@ impl Effect {
         let joints = 0..robot.joints.len().min(3);
         match self.scope {
             Scope::Joint => joints.map(|first| Place { first, second: 0 }).collect(),
-            Scope::Pair => robot
-                .cable_coupling
-                .iter()
-                .filter_map(|c| Some(Place { first: robot.joint_index(&c.from).ok()?, second: robot.joint_index(&c.to).ok()? }))
-                .collect(),
+            Scope::Pair => {
+                let named = robot.cable_coupling.iter();
+                let named = named.filter_map(|c| Some((robot.joint_index(&c.from).ok()?, robot.joint_index(&c.to).ok()?)));
+                // The cables of an arm run over the joints before theirs, whether the file has a number for it or not.
+                let arm = matches!(robot.kinematics, KinematicsKind::Raven(_)) && robot.joints.len() >= 3;
+                let passing: &[(usize, usize)] = if arm { &[(0, 1), (0, 2), (1, 2)] } else { &[] };
+                let pairs: BTreeSet<(usize, usize)> = named.chain(passing.iter().copied()).collect();
+                pairs.into_iter().map(|(first, second)| Place { first, second }).collect()
+            }
             Scope::LinkAngle => (0..2).map(|first| Place { first, second: 0 }).collect(),
             Scope::Robot | Scope::Rig => vec![Place::default()],
         }

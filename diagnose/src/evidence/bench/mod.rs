@@ -12,9 +12,12 @@ use raven::robot::{Joint, Robot};
 use raven::{Error, Result};
 
 use super::data::{STRIDE_S, WINDOW_S};
-use super::rows::{CREEP_RAD_S, Links, Observed, Setting, TORQUE_ALIKE_S, TORQUE_MODEL};
+use super::rows::{CREEP_RAD_S, Links, Observed, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered};
 pub use recorded::Recorded;
 pub use signs::Signs;
+
+/// Errors of one recording's joints and torques, sample by sample, and what turns the torques' into errors of the command.
+pub type Errors = (Vec<[Vector3<f64>; 2]>, Vector3<f64>);
 
 /// Recordings of a bench.
 pub struct Bench<'a> {
@@ -99,15 +102,16 @@ impl<'a> Bench<'a> {
         Ok(settings.iter().fold(Model::new(self.robot, None)?, |model, (sited, u)| model.with(sited, u)))
     }
 
-    /// Measured less predicted joints [rad or m] and torques [N m or N] of every recording, sample by sample.
+    /// Measured less predicted joints [rad or m] and torques [N m or N] of every recording, sample by sample; and what turns the torques'
+    /// into errors of the command.
     ///
     /// # Errors
     /// If the robot is no bench.
-    pub fn errors(&self, settings: &[Setting], channels: &[Channel]) -> Result<Vec<Vec<[Vector3<f64>; 2]>>> {
+    pub fn errors(&self, settings: &[Setting], channels: &[Channel]) -> Result<Vec<Errors>> {
         let model = self.model(settings)?;
         let bench = BenchModel::new(&model, self.creep)?;
         let [with_joints, with_torque] = [Channel::Tip, Channel::Torque].map(|channel| channels.contains(&channel));
-        let of = |recorded: &Recorded| {
+        let of = |(recorded, weights): (&Recorded, &Vec<[Vector3<f64>; 2]>)| {
             let times_s: Vec<f64> = recorded.driven.iter().map(|driven| driven.shaft.time_s).collect();
             let shown = if with_joints {
                 let pull = |driven: &Driven| if recorded.has[0] { bench.passed_on_n(driven) } else { bench.pulled_n(driven) };
@@ -121,9 +125,11 @@ impl<'a> Bench<'a> {
                 let torque = if with_torque { bench.delivered(driven) - bench.needed(driven) } else { Vector3::zeros() };
                 [position, torque]
             });
-            errors.collect()
+            let samples = recorded.driven.iter().map(|driven| (driven.shaft.commanded, bench.delivered(driven)));
+            let weights: Vec<Vector3<f64>> = weights.iter().map(|[_, torque]| *torque).collect();
+            (errors.collect(), commanded_per_delivered(samples, &weights))
         };
-        Ok(self.recordings.iter().map(of).collect())
+        Ok(self.recordings.iter().zip(&self.weights).map(of).collect())
     }
 }
 
@@ -170,10 +176,11 @@ impl Observed for Bench<'_> {
     fn residuals(&self, settings: &[Setting], _links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
         let (mut joints, mut torques) = (Vec::with_capacity(self.tip_rows() + self.torque_rows()), Vec::with_capacity(self.torque_rows()));
         for (errors, weights) in self.errors(settings, channels)?.iter().zip(&self.weights) {
+            let (errors, per_delivered) = errors;
             for ([joint, torque], [joint_weight, torque_weight]) in errors.iter().zip(weights) {
                 let weighted = |error: f64, weight: f64| if weight > 0.0 && error.is_finite() { error * weight } else { 0.0 };
                 joints.extend(joint.zip_map(joint_weight, weighted).iter());
-                torques.extend(torque.zip_map(torque_weight, weighted).iter());
+                torques.extend(torque.component_mul(per_delivered).zip_map(torque_weight, weighted).iter());
             }
         }
         joints.truncate(self.tip_rows());
