@@ -6,7 +6,7 @@ use raven::camera::Cameras;
 use raven::effects::{Channel, Measure, Model, Shaft, Sited, TipModel, TorqueModel};
 use raven::robot::{Arm, Robot};
 
-use super::data::{Data, WINDOW_S};
+use super::data::{Data, STRIDE_S, WINDOW_S};
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
 pub(super) const TORQUE_MODEL: f64 = 0.01;
@@ -16,8 +16,8 @@ pub(super) const TORQUE_ALIKE_S: f64 = 0.2;
 pub(super) const CREEP_RAD_S: f64 = 1.0;
 
 /// Part of a joint's dry friction that is not known near rest, and how slow that is in speeds below which friction fades.
-const NEAR_REST: f64 = 0.5;
-const SLOW: f64 = 10.0;
+pub(super) const NEAR_REST: f64 = 0.5;
+pub(super) const SLOW: f64 = 10.0;
 
 /// Recordings of one robot, and how much each residual weighs.
 pub struct Rows<'a> {
@@ -186,7 +186,8 @@ impl Observed for Rows<'_> {
             for (((shaft, weight), moving), delivered) in shafts.iter().zip(weights).zip(moving).zip(delivered) {
                 let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
                 let lacking = delivered - torque.needed(shaft, &moving);
-                torques.extend(lacking.component_mul(weight).component_mul(&per_delivered).iter());
+                let whitened = lacking.component_mul(weight).component_mul(&per_delivered);
+                torques.extend(whitened.zip_map(&torque.clipped(&shaft.commanded), with_clipping).iter());
             }
         }
         tips.resize(self.tip_rows(), 0.0);
@@ -194,6 +195,16 @@ impl Observed for Rows<'_> {
         tips.append(&mut torques);
         Ok(tips)
     }
+}
+
+/// A whitened error of torque, larger where the drive clips: of a command that is clipped the model does not say how large it is, so the
+/// command has the density of all commands instead of that of the model's errors, which are `TORQUE_MODEL` of them.
+pub(super) fn with_clipping(whitened: f64, clipped: f64) -> f64 {
+    if clipped == 0.0 || whitened == 0.0 {
+        return whitened;
+    }
+    let information = 2.0 * TORQUE_MODEL.recip().ln() * STRIDE_S / TORQUE_ALIKE_S;
+    whitened.signum() * whitened.hypot(information.sqrt())
 }
 
 /// What turns torques as delivered into torques as commanded, per joint: the ratio of their rms over samples that count. What was recorded

@@ -14,7 +14,7 @@ use super::torque::Shafts;
 use super::{Cables, Model, Shaft};
 use crate::Result;
 use crate::robot::{
-    Cable, Hysteresis, JointType, MotorTrack, PAUSE_MAX_S, STICTION_SPEED, Transmission, ViscousCoulomb, behind_hysteresis,
+    Cable, Hysteresis, JointType, MotorTrack, PAUSE_MAX_S, Transmission, ViscousCoulomb, behind_hysteresis, stiction_speed,
 };
 
 /// A drive at one time.
@@ -35,7 +35,9 @@ pub struct BenchModel<'a> {
     friction: [ViscousCoulomb; 3],
     hysteresis: [Hysteresis; 3],
     mass: Vector3<f64>,
-    /// Speeds below which the direction of dry friction is in doubt: of the motors, as a part of which that of the joints is.
+    /// Speeds of the joints below which their dry friction fades [rad/s or m/s].
+    rubbing_from: Vector3<f64>,
+    /// Speeds of the motors below which the direction of their dry friction is in doubt.
     creep: Vector3<f64>,
 }
 
@@ -51,6 +53,10 @@ impl<'a> BenchModel<'a> {
             let slides = joint(j).is_some_and(|joint| joint.kind == JointType::Prismatic);
             robot.links.get(j).map_or(0.0, |link| if slides { link.mass } else { link.inertia[2] })
         };
+        let rubbing_from = |j: usize| {
+            let own = joint(j).and_then(|joint| joint.link_friction?.stiction_speed);
+            own.unwrap_or_else(|| joint(j).map_or(1.0, |joint| stiction_speed(joint.kind)))
+        };
         Ok(Self {
             model,
             transmission: robot.bench_transmission()?,
@@ -59,6 +65,7 @@ impl<'a> BenchModel<'a> {
             friction: std::array::from_fn(|j| joint(j).and_then(|joint| joint.link_friction).unwrap_or_default()),
             hysteresis: std::array::from_fn(|j| joint(j).map(|joint| joint.hysteresis).unwrap_or_default()),
             mass: Vector3::from_fn(|j, _| mass(j)),
+            rubbing_from: Vector3::from_fn(|j, _| rubbing_from(j)),
             creep,
         })
     }
@@ -67,6 +74,12 @@ impl<'a> BenchModel<'a> {
     #[must_use]
     pub fn delivered(&self, driven: &Driven) -> Vector3<f64> {
         self.shafts.delivered(&driven.shaft.commanded)
+    }
+
+    /// 1 where a drive clips its command, 0 elsewhere.
+    #[must_use]
+    pub fn clipped(&self, driven: &Driven) -> Vector3<f64> {
+        self.shafts.clipped(&driven.shaft.commanded)
     }
 
     /// What they must have delivered [N m or N].
@@ -84,7 +97,7 @@ impl<'a> BenchModel<'a> {
         let force = Vector3::from_fn(|j, _| {
             let friction = &self.friction[j];
             let load = driven.load[j] + self.mass[j] * acceleration[j];
-            let way = (rate[j] / friction.stiction_speed.unwrap_or(STICTION_SPEED[j])).clamp(-1.0, 1.0);
+            let way = (rate[j] / self.rubbing_from[j]).clamp(-1.0, 1.0);
             load + (friction.coulomb + friction.per_load * load.abs()) * way + friction.viscous * rate[j]
         });
         force.component_div(&self.transmission.link_radius_m)

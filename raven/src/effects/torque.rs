@@ -65,6 +65,12 @@ impl Shafts {
         })
     }
 
+    /// 1 where a drive clips its command, 0 elsewhere.
+    pub(super) fn clipped(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+        let clips = |j: usize| (commanded[j] * self.drives[j].torque_gain).abs() > self.drives[j].torque_limit;
+        Vector3::from_fn(|j, _| if clips(j) { 1.0 } else { 0.0 })
+    }
+
     /// What the motors themselves take of it [N m after the gear box]; `way` is the direction of their dry friction.
     pub(super) fn taken(&self, shaft: &Shaft, way: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|j, _| {
@@ -103,6 +109,12 @@ impl TorqueModel {
     #[must_use]
     pub fn delivered(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
         self.shafts.delivered(commanded)
+    }
+
+    /// 1 where a drive clips its command, 0 elsewhere.
+    #[must_use]
+    pub fn clipped(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+        self.shafts.clipped(commanded)
     }
 
     /// The links as the motors move them without stretch.

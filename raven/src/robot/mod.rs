@@ -20,7 +20,7 @@ pub use file::{
 };
 pub use hysteresis::{Hysteresis, behind_hysteresis};
 pub use kinematics::{ArmSide, Branch, Kinematics};
-pub use link_model::{LinkModel, LinkState, STICTION_SPEED};
+pub use link_model::{LinkModel, LinkState, STICTION_SPEED, stiction_speed};
 pub use rollout::{MotorTrack, PAUSE_MAX_S};
 pub use transmission::Transmission;
 

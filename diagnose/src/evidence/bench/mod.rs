@@ -6,18 +6,20 @@ mod signs;
 mod tests;
 
 use nalgebra::Vector3;
-use raven::effects::{BenchModel, Channel, Driven, Measure, Model, Scope, Sited, Tension};
+use raven::effects::{BenchModel, Channel, Driven, Measure, Model, Scope, Sited, Stage, Tension};
 use raven::log::Recording;
-use raven::robot::{Joint, Robot};
+use raven::robot::{Joint, Robot, stiction_speed};
 use raven::{Error, Result};
 
 use super::data::{STRIDE_S, WINDOW_S};
-use super::rows::{CREEP_RAD_S, Links, Observed, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered};
+use super::rows::{
+    CREEP_RAD_S, Links, NEAR_REST, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping,
+};
 pub use recorded::Recorded;
 pub use signs::Signs;
 
-/// Errors of one recording's joints and torques, sample by sample, and what turns the torques' into errors of the command.
-pub type Errors = (Vec<[Vector3<f64>; 2]>, Vector3<f64>);
+/// Errors of one recording's joints and torques, sample by sample, with a 1 where a drive clips; and what turns the torques' into errors of the command.
+pub type Errors = (Vec<[Vector3<f64>; 3]>, Vector3<f64>);
 
 /// Recordings of a bench.
 pub struct Bench<'a> {
@@ -55,7 +57,7 @@ impl<'a> Bench<'a> {
             (0..robot.joints.len()).map(|j| Measure::of(robot, j, rms(|d| d.shaft.commanded, j), rms(|d| d.shaft.rate, j))).collect();
         let creep = Vector3::from_fn(|j, _| measures.get(j).map_or(1.0, |measure| measure.motor_rate(CREEP_RAD_S)));
         let model = Vector3::from_fn(|j, _| TORQUE_MODEL * rms(|d| d.shaft.commanded, j) * (TORQUE_ALIKE_S / STRIDE_S).sqrt());
-        let weights = recorded.iter().map(|r| weights(r, &model, &creep)).collect();
+        let weights = recorded.iter().map(|r| weights(robot, r, &model, &creep)).collect();
         Ok(Self { robot, recordings: recorded, signs, measures, creep, weights })
     }
 
@@ -123,7 +125,7 @@ impl<'a> Bench<'a> {
             let errors = recorded.driven.iter().zip(&recorded.joints).zip(shown).map(|((driven, joint), shown)| {
                 let position = shown.map_or_else(Vector3::zeros, |shown| joint - shown);
                 let torque = if with_torque { bench.delivered(driven) - bench.needed(driven) } else { Vector3::zeros() };
-                [position, torque]
+                [position, torque, bench.clipped(driven)]
             });
             let samples = recorded.driven.iter().map(|driven| (driven.shaft.commanded, bench.delivered(driven)));
             let weights: Vec<Vector3<f64>> = weights.iter().map(|[_, torque]| *torque).collect();
@@ -157,11 +159,15 @@ impl Observed for Bench<'_> {
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
         let joint = self.robot.joints.get(sited.place.first)?;
         let joint_side = matches!(sited.effect.id, "link-coulomb-friction" | "link-viscous-friction" | "load-dependent-friction");
+        let of_motor = !matches!(sited.effect.id, "torque-constant" | "torque-saturation");
         match (sited.effect.scope, sited.effect.id) {
             (Scope::LinkAngle, _) => Some("a bench has no links"),
             (Scope::Robot, _) => Some("a bench has no tool"),
             (Scope::Rig, "time-offset" | "clock-drift") | (Scope::Pair, _) => None,
             (Scope::Rig, _) => Some("a bench has no cameras"),
+            _ if sited.effect.stage == Stage::Motor && of_motor && joint.motor.is_none() => {
+                Some("the file has no motor: what is measured at its shaft is what the cable gets")
+            }
             _ if joint_side && !self.has_joints() => Some("nothing measures the joint side: what rubs there counts as the motor's"),
             (_, "link-inertia") if self.robot.links.get(sited.place.first).is_none() => Some("the file gives nothing that the joint moves"),
             (_, "cable-stiffening" | "cable-damping" | "creep") if joint.cable.is_none() => Some("the nominal transmission is rigid"),
@@ -177,10 +183,11 @@ impl Observed for Bench<'_> {
         let (mut joints, mut torques) = (Vec::with_capacity(self.tip_rows() + self.torque_rows()), Vec::with_capacity(self.torque_rows()));
         for (errors, weights) in self.errors(settings, channels)?.iter().zip(&self.weights) {
             let (errors, per_delivered) = errors;
-            for ([joint, torque], [joint_weight, torque_weight]) in errors.iter().zip(weights) {
+            for ([joint, torque, clipped], [joint_weight, torque_weight]) in errors.iter().zip(weights) {
                 let weighted = |error: f64, weight: f64| if weight > 0.0 && error.is_finite() { error * weight } else { 0.0 };
                 joints.extend(joint.zip_map(joint_weight, weighted).iter());
-                torques.extend(torque.component_mul(per_delivered).zip_map(torque_weight, weighted).iter());
+                let torque = torque.component_mul(per_delivered).zip_map(torque_weight, weighted);
+                torques.extend(torque.zip_map(clipped, with_clipping).iter());
             }
         }
         joints.truncate(self.tip_rows());
@@ -190,21 +197,35 @@ impl Observed for Bench<'_> {
     }
 }
 
-/// Inverse deviations of a recording's samples; `model` is that of torques [N m or N]. Motors that hardly move say nothing of friction.
-fn weights(recorded: &Recorded, model: &Vector3<f64>, creep: &Vector3<f64>) -> Vec<[Vector3<f64>; 2]> {
+/// Inverse deviations of a recording's samples; `model` is that of torques [N m or N]. Near rest nobody knows what friction holds: motors
+/// that hardly move say nothing of torque, nor of the stretch of cables whose force follows from such friction.
+fn weights(robot: &Robot, recorded: &Recorded, model: &Vector3<f64>, creep: &Vector3<f64>) -> Vec<[Vector3<f64>; 2]> {
     let inverse = |v: f64| if v > 0.0 { 1.0 / v } else { 0.0 };
+    let of_motor = |j: usize| robot.joints.get(j).and_then(|joint| joint.motor).map_or(0.0, |motor| motor.coulomb_friction);
+    let of_joint = |j: usize| robot.joints.get(j).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb);
     let weight = |driven: &Driven| {
         let surely_moving = |j: usize| driven.shaft.rate[j].abs() > creep[j] + 0.5 * WINDOW_S * driven.shaft.acceleration[j].abs();
-        let torque = |j: usize, _| if recorded.has[0] && surely_moving(j) { inverse(model[j]) } else { 0.0 };
-        [recorded.joint_noise.map(inverse), Vector3::from_fn(torque)]
+        let position = |j: usize, _| {
+            let in_doubt = if recorded.has[0] { of_motor(j) } else { of_joint(j) };
+            if in_doubt == 0.0 || surely_moving(j) { inverse(recorded.joint_noise[j]) } else { 0.0 }
+        };
+        let torque = |j: usize, _| {
+            let Some(joint) = robot.joints.get(j).filter(|_| recorded.has[0] && surely_moving(j)) else { return 0.0 };
+            let slow = 1.0 / (1.0 + (driven.shaft.rate[j] / joint.ratio() / (SLOW * stiction_speed(joint.kind))).powi(2));
+            let friction = of_joint(j) * joint.motor_capstan_radius / joint.link_pulley_radius;
+            let alike = (TORQUE_ALIKE_S / STRIDE_S).sqrt();
+            if model[j] > 0.0 { 1.0 / model[j].hypot(NEAR_REST * friction * slow * alike) } else { 0.0 }
+        };
+        [Vector3::from_fn(position), Vector3::from_fn(torque)]
     };
     recorded.driven.iter().map(weight).collect()
 }
 
 /// One joint's numbers of a series.
-fn by_joint<'s>(series: &'s [Vec<f64>], recording: &Recording, what: &str, joint: &Joint, j: usize) -> Result<&'s [f64]> {
+pub(crate) fn by_joint<'s>(series: &'s [Vec<f64>], recording: &Recording, what: &str, joint: &Joint, j: usize) -> Result<&'s [f64]> {
     series.get(j).map(Vec::as_slice).ok_or_else(|| {
-        let message = format!("has {} joints on the {what} side, but the robot file names joint {} (`{}`).", series.len(), j + 1, joint.name);
+        let message =
+            format!("has {} joints on the {what} side, but the robot file names joint {} (`{}`).", series.len(), j + 1, joint.name);
         Error::file(&recording.path, message)
     })
 }

@@ -36,9 +36,7 @@ impl Recorded {
         let motor = recording.require_motor()?;
         let (motors, torque) = side(robot, recording, motor, "motor", &|_| 1.0, &|j| signs[j].torque)?;
         let joints = match &recording.joint_encoders {
-            Some(encoders) => {
-                Some(side(robot, recording, encoders, "joint", &|j| signs[j].joint, &|j| signs[j].load)?)
-            }
+            Some(encoders) => Some(side(robot, recording, encoders, "joint", &|j| signs[j].joint, &|j| signs[j].load)?),
             None => None,
         };
         let start_s = motors.time_s.first().copied().unwrap_or(0.0);

@@ -47,7 +47,12 @@ impl Signs {
             work += worked(motor, j);
         }
         let (slope, torque) = (turned.slope(), sign(work));
-        let mut signs = Self { joint: slope.map_or(1.0, sign), torque, load: torques.slope().map_or(1.0, sign) * torque, remarks: Vec::new() };
+        let mut signs = Self {
+            joint: slope.map_or(1.0, sign),
+            torque,
+            load: torques.slope().map_or(1.0, |slope| sign(slope) * torque),
+            remarks: Vec::new(),
+        };
         let name = &joint.name;
         if signs.joint < 0.0 {
             signs.remarks.push(format!("{name}: the joint side counts against the motor side; its sign was turned."));

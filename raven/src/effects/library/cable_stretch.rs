@@ -31,7 +31,12 @@ pub const AMOUNT: Amount = Amount {
     nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.cable).map_or(0.0, |cable| cable.stiffness),
     effect: Effect {
         summary: "1 / (2 k_e r_l^2) at a joint whose nominal model is rigid",
-        parameters: &[Parameter { name: "compliance", unit: "joint compliance", scale: Scale::Magnitude(Size::per_kind(0.02, 0.002)), tolerance: None }],
+        parameters: &[Parameter {
+            name: "compliance",
+            unit: "joint compliance",
+            scale: Scale::Magnitude(Size::per_kind(0.02, 0.002)),
+            tolerance: None,
+        }],
         act: |model, place, values| {
             let joint = &mut model.robot.joints[place.first];
             let radius_m = joint.link_pulley_radius;

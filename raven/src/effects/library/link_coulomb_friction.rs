@@ -1,7 +1,7 @@
 //! Dry friction at the joint.
 
 use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
-use crate::robot::STICTION_SPEED;
+use crate::robot::stiction_speed;
 
 /// link-coulomb-friction.
 pub const EFFECT: Effect = Effect {
@@ -19,9 +19,10 @@ pub const EFFECT: Effect = Effect {
     separated_by: "the same reversals at two cable tensions; without a tip it cannot be told from the motor's friction",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];
+        let usual = stiction_speed(joint.kind);
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
-            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[1]);
+            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) * values[1]);
         }
     },
 };
@@ -31,11 +32,15 @@ pub const AMOUNT: Amount = Amount {
     nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb),
     effect: Effect {
         summary: "F_c of a joint without any in the nominal model",
-        parameters: &[Parameter { name: "amount", unit: "joint force", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None }, EFFECT.parameters[1]],
+        parameters: &[
+            Parameter { name: "amount", unit: "joint force", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None },
+            EFFECT.parameters[1],
+        ],
         act: |model, place, values| {
+            let usual = stiction_speed(model.robot.joints[place.first].kind);
             let friction = model.link_friction_mut(place.first);
             friction.coulomb = values[0];
-            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[1]);
+            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) * values[1]);
         },
         ..EFFECT
     },
