@@ -11,7 +11,7 @@
 use nalgebra::Vector3;
 
 use super::torque::Shafts;
-use super::{Cables, Model, Shaft};
+use super::{Cables, LinkMotion, Model, Shaft};
 use crate::Result;
 use crate::robot::{
     Cable, Hysteresis, JointType, MotorTrack, PAUSE_MAX_S, Transmission, ViscousCoulomb, behind_hysteresis, stiction_speed,
@@ -24,6 +24,8 @@ pub struct Driven {
     pub shaft: Shaft,
     /// Force measured at the joints against their motion [N m or N]; 0 where it was not.
     pub load: Vector3<f64>,
+    /// How the joints move, where they were measured; else they are taken to follow rigidly.
+    pub joint: Option<LinkMotion>,
 }
 
 /// A model of a bench.
@@ -92,8 +94,10 @@ impl<'a> BenchModel<'a> {
     /// Tension differences of the cables [N] by what is known of the joints.
     #[must_use]
     pub fn pulled_n(&self, driven: &Driven) -> Vector3<f64> {
-        let rate = self.transmission.joint_rate_from_motor(&driven.shaft.rate);
-        let acceleration = self.transmission.joint_rate_from_motor(&driven.shaft.acceleration);
+        let rigid = |motor: &Vector3<f64>| self.transmission.joint_rate_from_motor(motor);
+        let (rate, acceleration) = driven
+            .joint
+            .map_or_else(|| (rigid(&driven.shaft.rate), rigid(&driven.shaft.acceleration)), |joint| (joint.rate, joint.acceleration));
         let force = Vector3::from_fn(|j, _| {
             let friction = &self.friction[j];
             let load = driven.load[j] + self.mass[j] * acceleration[j];

@@ -201,13 +201,13 @@ impl Observed for Bench<'_> {
 /// that hardly move say nothing of torque, nor of the stretch of cables whose force follows from such friction.
 fn weights(robot: &Robot, recorded: &Recorded, model: &Vector3<f64>, creep: &Vector3<f64>) -> Vec<[Vector3<f64>; 2]> {
     let inverse = |v: f64| if v > 0.0 { 1.0 / v } else { 0.0 };
-    let of_motor = |j: usize| robot.joints.get(j).and_then(|joint| joint.motor).map_or(0.0, |motor| motor.coulomb_friction);
     let of_joint = |j: usize| robot.joints.get(j).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb);
     let weight = |driven: &Driven| {
         let surely_moving = |j: usize| driven.shaft.rate[j].abs() > creep[j] + 0.5 * WINDOW_S * driven.shaft.acceleration[j].abs();
         let position = |j: usize, _| {
-            let in_doubt = if recorded.has[0] { of_motor(j) } else { of_joint(j) };
-            if in_doubt == 0.0 || surely_moving(j) { inverse(recorded.joint_noise[j]) } else { 0.0 }
+            let joint = robot.joints.get(j);
+            let in_doubt = if recorded.has[0] { joint.is_some_and(|joint| joint.motor.is_some()) } else { of_joint(j) > 0.0 };
+            if !in_doubt || surely_moving(j) { inverse(recorded.joint_noise[j]) } else { 0.0 }
         };
         let torque = |j: usize, _| {
             let Some(joint) = robot.joints.get(j).filter(|_| recorded.has[0] && surely_moving(j)) else { return 0.0 };

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use raven::Result;
-use raven::effects::Driven;
+use raven::effects::{Driven, LinkMotion};
 use raven::log::{JointSeries, Recording};
 use raven::robot::{MotorTrack, Robot};
 
@@ -51,7 +51,11 @@ impl Recorded {
                 let still = vec![Vector3::zeros(); if load.is_none() { track.time_s.len() } else { 0 }];
                 shaft(track, load.as_ref().unwrap_or(&still), time_s)
             });
-            driven.push(Driven { shaft: shaft_there, load: joint.map_or_else(Vector3::zeros, |joint| joint.commanded) });
+            driven.push(Driven {
+                shaft: shaft_there,
+                load: joint.map_or_else(Vector3::zeros, |joint| joint.commanded),
+                joint: joint.map(|joint| LinkMotion { position: joint.angle, rate: joint.rate, acceleration: joint.acceleration }),
+            });
             shown.push(joint.map_or_else(|| Vector3::repeat(f64::NAN), |joint| joint.angle));
         }
         let joint_noise = Vector3::from_fn(|j, _| {
