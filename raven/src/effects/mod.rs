@@ -16,7 +16,7 @@ mod view;
 pub use bench::{BenchModel, Driven, Tension};
 pub use library::{ALL, AMOUNTS};
 pub use measure::Measure;
-pub use model::{Cables, Drive, Model, MotorLaw};
+pub use model::{Cables, Drive, Model, MotorLaw, TensionLaw};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
 pub use torque::{LinkMotion, Shaft, TorqueModel};

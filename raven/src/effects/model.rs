@@ -12,14 +12,17 @@ use super::{Sited, View};
 /// cables with all their numbers, and changes the track in place.
 pub type MotorLaw = Box<dyn Fn(&Cables, &mut MotorTrack) + Send + Sync>;
 
+/// Tension differences of the cables [N] at a time [s], with the motors at angles [rad] and turning [rad/s].
+pub type TensionLaw<'a> = dyn Fn(f64, &Vector3<f64>, &Vector3<f64>) -> Vector3<f64> + 'a;
+
 /// What a law of the motors' side hears of.
 pub struct Cables<'a> {
     /// Pulleys.
     pub transmission: &'a Transmission,
     /// `k_e` of each [N].
     pub stiffness_n: [f64; 3],
-    /// Their tension differences [N] at a time [s], with the motors at angles [rad] and turning [rad/s].
-    pub tension_n: &'a dyn Fn(f64, &Vector3<f64>, &Vector3<f64>) -> Vector3<f64>,
+    /// What they carry.
+    pub tension_n: &'a TensionLaw<'a>,
 }
 
 /// What a drive does beyond the numbers of the robot file.
