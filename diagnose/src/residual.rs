@@ -3,8 +3,10 @@
 use nalgebra::Vector3;
 use raven::log::Recording;
 use raven::observation::three_joints;
-use raven::robot::{Arm, LinkModel, Robot};
+use raven::robot::{Arm, KinematicsKind, LinkModel, Robot};
 use raven::{Error, Result};
+
+use crate::evidence::bench::{Signs, by_joint};
 
 /// Residuals of one channel over time.
 #[derive(Debug, Clone, Default)]
@@ -41,9 +43,11 @@ pub struct Channels {
 pub fn channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
     let mut channels = match robot.arm() {
         Ok(arm) => arm_channels(recording, robot, &arm)?,
+        Err(error) if !matches!(robot.kinematics, KinematicsKind::Bench) => return Err(error),
         Err(_) => bench_channels(recording, robot)?,
     };
-    if channels.joints.is_empty() && channels.controller_difference.is_none() {
+    let arm = !matches!(robot.kinematics, KinematicsKind::Bench);
+    if arm && channels.joints.is_empty() && channels.controller_difference.is_none() {
         let message =
             "has motor angles but neither /tip, /joint_encoders nor the controller's joint angles: there is nothing to compare them with.";
         return Err(Error::file(&recording.path, message));
@@ -88,24 +92,18 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
 
 fn bench_channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
     let motor = recording.require_motor()?;
-    let Some(encoders) = &recording.joint_encoders else {
-        return Err(Error::file(
-            &recording.path,
-            "has no /joint_encoders: on a bench they are the joint side, and there is no gap to see without it.",
-        ));
-    };
     let mut channels = Channels::default();
+    let Some(encoders) = &recording.joint_encoders else {
+        if motor.effort.is_some() {
+            return Ok(channels);
+        }
+        let message = "has neither /joint_encoders nor motor torque: on a bench there is no gap to see without either.";
+        return Err(Error::file(&recording.path, message));
+    };
     for (j, joint) in robot.joints.iter().enumerate() {
-        let Some(angles) = motor.position.get(j).filter(|_| j < encoders.position.len()) else {
-            let message = format!(
-                "has {} motors and {} joint encoders, but the robot file names joint {} (`{}`).",
-                motor.position.len(),
-                encoders.position.len(),
-                j + 1,
-                joint.name
-            );
-            return Err(Error::file(&recording.path, message));
-        };
+        let sign = Signs::of(robot, std::slice::from_ref(recording), j)?.joint;
+        let angles = by_joint(&motor.position, recording, "motor", joint, j)?;
+        by_joint(&encoders.position, recording, "joint", joint, j)?;
         let modelled: Vec<f64> = angles.iter().map(|angle| joint.hard_stop + angle / joint.ratio()).collect();
         let mut residuals = Residuals::default();
         for k in 1..modelled.len().saturating_sub(1) {
@@ -113,7 +111,7 @@ fn bench_channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
             let rate = (modelled[k + 1] - modelled[k - 1]) / (motor.time_s[k + 1] - motor.time_s[k - 1]);
             if let Some(measured) = encoders.interpolate(j, time_s) {
                 // Nothing in such a log says how noisy its encoder is.
-                residuals.push(time_s, [measured - modelled[k]; 2], 0.0, rate);
+                residuals.push(time_s, [sign * measured - modelled[k]; 2], 0.0, rate);
             }
         }
         channels.joints.push(residuals);

@@ -1,7 +1,7 @@
 //! Every number in which the robot may depart from the model, in units of its effect's own prior.
 
-use raven::effects::{Channel, Effect, Scale, Scope, Sited};
-use raven::robot::{JointType, Robot};
+use raven::effects::{Channel, Effect, Measure, Scale, Scope, Sited};
+use raven::robot::Robot;
 
 use super::rows::{Observed, Setting};
 
@@ -20,8 +20,8 @@ pub struct Coordinate {
 pub struct Coordinates {
     /// Effects at their places.
     pub sited: Vec<Sited>,
-    /// Kind of joint whose units each has.
-    pub kinds: Vec<JointType>,
+    /// What the sizes of each are measured in.
+    pub kinds: Vec<Measure>,
     /// Effects that cannot show, with the reason.
     pub not_observable: Vec<(&'static Effect, &'static str)>,
     /// Numbers.
@@ -35,12 +35,15 @@ impl Coordinates {
         let mut not_observable: Vec<(&'static Effect, &'static str)> = Vec::new();
         let mut sited = Vec::new();
         for each in Sited::all(robot) {
+            let each = Sited { measure: rows.measure(&each), ..each };
             let channels = each.effect.channels;
             let shows = channels.iter().any(|channel| match channel {
                 Channel::Torque => rows.torque_rows() > 0,
                 Channel::Tip => rows.tip_rows() > 0,
             });
-            let because = if !shows && channels == [Channel::Torque] {
+            let because = if let Some(because) = rows.cannot_show(&each) {
+                Some(because)
+            } else if !shows && channels == [Channel::Torque] {
                 Some("the recording has no motor torque")
             } else if !shows {
                 Some("the recording has no tip")
@@ -57,7 +60,9 @@ impl Coordinates {
                 Some(_) => {}
             }
         }
-        let kinds: Vec<JointType> = sited.iter().map(|s| s.joint_type(robot)).collect();
+        // What shows at one joint is no news at another.
+        not_observable.retain(|(effect, _)| sited.iter().all(|each| each.effect.id != effect.id));
+        let kinds: Vec<Measure> = sited.iter().map(|s| s.measure).collect();
         let all = sited.iter().zip(&kinds).enumerate().flat_map(|(effect, (s, &kind))| {
             s.effect.parameters.iter().enumerate().map(move |(parameter, p)| Coordinate {
                 effect,

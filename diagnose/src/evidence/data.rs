@@ -12,14 +12,16 @@ use raven::robot::{MotorTrack, PAUSE_MAX_S};
 pub const WINDOW_S: f64 = 0.06;
 /// Time between the motor samples that drive the links [s].
 const MOTORS_S: f64 = 0.002;
+/// Most tips of a recording that are looked at: a tracker may see a hundred a second, and neighbours share what no model explains.
+const SIGHTS_MAX: usize = 3000;
 /// Time between two torque samples [s].
-const STRIDE_S: f64 = 0.02;
+pub(super) const STRIDE_S: f64 = 0.02;
 
 /// What one recording offers.
 pub struct Data {
     /// Motors.
     pub motors: MotorTrack,
-    /// Tips that were seen.
+    /// Tips that were seen; of more than some thousand, evenly spaced ones.
     pub sights: Vec<Sight>,
     /// Drives; empty without torque.
     pub shafts: Vec<Shaft>,
@@ -44,7 +46,9 @@ impl Data {
             }),
         });
         let finite = |sight: &Sight| sight.position_m.iter().chain(&sight.covariance_m2).all(|v| v.is_finite());
-        let sights = sights.filter(finite).collect();
+        let sights: Vec<Sight> = sights.filter(finite).collect();
+        let stride = sights.len().div_ceil(SIGHTS_MAX).max(1);
+        let sights = sights.into_iter().step_by(stride).collect();
         let shafts = match recording.require_motor()?.effort.as_ref() {
             Some(effort) if effort.len() >= 3 => {
                 let series = recording.require_motor()?;
@@ -78,7 +82,8 @@ fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
     (1..count).filter_map(|k| shaft(motors, torque, start + k as f64 * STRIDE_S)).collect()
 }
 
-fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
+/// Motors at one time, smoothed, and their torque; `None` where samples are missing or there are fewer than five in the window.
+pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
     let from = motors.time_s.partition_point(|&t| t < time_s - 0.5 * WINDOW_S);
     let to = motors.time_s.partition_point(|&t| t <= time_s + 0.5 * WINDOW_S);
     let times = motors.time_s.get(from..to)?;

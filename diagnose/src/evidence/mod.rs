@@ -1,5 +1,6 @@
 //! Which effects, by evidence.
 
+pub mod bench;
 pub mod coordinates;
 pub mod data;
 pub mod fit;

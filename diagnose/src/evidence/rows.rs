@@ -3,21 +3,21 @@
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Channel, Model, Shaft, Sited, TipModel, TorqueModel};
+use raven::effects::{Channel, Measure, Model, Shaft, Sited, TipModel, TorqueModel};
 use raven::robot::{Arm, Robot};
 
-use super::data::{Data, WINDOW_S};
+use super::data::{Data, STRIDE_S, WINDOW_S};
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
-const TORQUE_MODEL: f64 = 0.01;
+pub(super) const TORQUE_MODEL: f64 = 0.01;
 /// Time over which its errors are alike [s].
-const TORQUE_ALIKE_S: f64 = 0.2;
+pub(super) const TORQUE_ALIKE_S: f64 = 0.2;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s].
-const CREEP_RAD_S: f64 = 1.0;
+pub(super) const CREEP_RAD_S: f64 = 1.0;
 
 /// Part of a joint's dry friction that is not known near rest, and how slow that is in speeds below which friction fades.
-const NEAR_REST: f64 = 0.5;
-const SLOW: f64 = 10.0;
+pub(super) const NEAR_REST: f64 = 0.5;
+pub(super) const SLOW: f64 = 10.0;
 
 /// Recordings of one robot, and how much each residual weighs.
 pub struct Rows<'a> {
@@ -61,6 +61,16 @@ pub trait Observed: Sync {
 
     /// Whether the rig's lenses are known.
     fn has_cameras(&self) -> bool;
+
+    /// What an effect's sizes are measured in.
+    fn measure(&self, sited: &Sited) -> Measure {
+        sited.measure
+    }
+
+    /// Why an effect could not show whatever the recordings were, if so.
+    fn cannot_show(&self, _sited: &Sited) -> Option<&'static str> {
+        None
+    }
 
     /// Whitened measured less predicted with effects built in; rolled out or, fifty times as fast, settled. Channels that are not asked
     /// for are zero, as are rows that say nothing.
@@ -177,9 +187,13 @@ impl Observed for Rows<'_> {
                 let row = seen.map_or_else(Vector3::zeros, |seen| whiten * (sight.position_m - seen));
                 tips.extend(row.iter().map(|v| if v.is_finite() { *v } else { 0.0 }));
             }
-            for ((shaft, weight), moving) in shafts.iter().zip(weights).zip(moving) {
+            let delivered: Vec<Vector3<f64>> = shafts.iter().map(|shaft| torque.delivered(&shaft.commanded)).collect();
+            let per_delivered = commanded_per_delivered(shafts.iter().map(|shaft| shaft.commanded).zip(delivered.iter().copied()), weights);
+            for (((shaft, weight), moving), delivered) in shafts.iter().zip(weights).zip(moving).zip(delivered) {
                 let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
-                torques.extend((torque.delivered(&shaft.commanded) - torque.needed(shaft, &moving)).component_mul(weight).iter());
+                let lacking = delivered - torque.needed(shaft, &moving);
+                let whitened = lacking.component_mul(weight).component_mul(&per_delivered);
+                torques.extend(whitened.zip_map(&torque.clipped(&shaft.commanded), with_clipping).iter());
             }
         }
         tips.resize(self.tip_rows(), 0.0);
@@ -187,6 +201,31 @@ impl Observed for Rows<'_> {
         tips.append(&mut torques);
         Ok(tips)
     }
+}
+
+/// A whitened error of torque, larger where the drive clips: of a command that is clipped the model does not say how large it is, so the
+/// command has the density of all commands instead of that of the model's errors, which are `TORQUE_MODEL` of them.
+pub(super) fn with_clipping(whitened: f64, clipped: f64) -> f64 {
+    if clipped == 0.0 || whitened == 0.0 {
+        return whitened;
+    }
+    let information = 2.0 * TORQUE_MODEL.recip().ln() * STRIDE_S / TORQUE_ALIKE_S;
+    whitened.signum() * whitened.hypot(information.sqrt())
+}
+
+/// What turns torques as delivered into torques as commanded, per joint: the ratio of their rms over samples that count. What was recorded
+/// is the command; an error of the torque delivered would vanish in drives that deliver nothing.
+pub(super) fn commanded_per_delivered(
+    samples: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>,
+    weights: &[Vector3<f64>],
+) -> Vector3<f64> {
+    let (mut commanded, mut delivered) = (Vector3::zeros(), Vector3::zeros());
+    for ((asked, got), weight) in samples.zip(weights) {
+        let counts = weight.map(|w| if w > 0.0 { 1.0 } else { 0.0 });
+        commanded += asked.component_mul(&asked).component_mul(&counts);
+        delivered += got.component_mul(&got).component_mul(&counts);
+    }
+    commanded.zip_map(&delivered, |asked: f64, got: f64| if got > 0.0 { (asked / got).sqrt() } else { 1.0 })
 }
 
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is

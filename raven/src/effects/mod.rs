@@ -3,7 +3,9 @@
 //! An effect is one file of [`library`]: its identifier, stage, parameters with what is believed of them beforehand, the channels it shows
 //! in, its ties, and how it changes the [`Model`]. The equations are those of the fitted model; the virtual lab has its own.
 
+mod bench;
 pub mod library;
+mod measure;
 mod model;
 mod parameter;
 mod tension;
@@ -11,14 +13,18 @@ mod tip;
 mod torque;
 mod view;
 
-pub use library::ALL;
-pub use model::{Drive, Model, MotorLaw};
+pub use bench::{BenchModel, Driven, Tension};
+pub use library::{ALL, AMOUNTS};
+pub use measure::Measure;
+pub use model::{Cables, Drive, Model, MotorLaw, TensionLaw};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
 pub use torque::{LinkMotion, Shaft, TorqueModel};
 pub use view::View;
 
-use crate::robot::{JointType, Robot};
+use std::collections::BTreeSet;
+
+use crate::robot::{JointType, KinematicsKind, Robot};
 use crate::{Error, Result};
 
 /// What an effect belongs to.
@@ -107,6 +113,15 @@ pub struct Place {
     pub second: usize,
 }
 
+/// What stands for an effect where the nominal model has nothing that a factor could multiply.
+#[derive(Debug, Clone, Copy)]
+pub struct Amount {
+    /// The number that the factor would be on; 0 where it is not given.
+    pub nominal: fn(&Robot, Place) -> f64,
+    /// The effect with an amount for its number.
+    pub effect: Effect,
+}
+
 /// An effect at a place.
 #[derive(Debug, Clone, Copy)]
 pub struct Sited {
@@ -114,6 +129,8 @@ pub struct Sited {
     pub effect: &'static Effect,
     /// Place.
     pub place: Place,
+    /// What its sizes are measured in.
+    pub measure: Measure,
 }
 
 impl Effect {
@@ -134,11 +151,15 @@ impl Effect {
         let joints = 0..robot.joints.len().min(3);
         match self.scope {
             Scope::Joint => joints.map(|first| Place { first, second: 0 }).collect(),
-            Scope::Pair => robot
-                .cable_coupling
-                .iter()
-                .filter_map(|c| Some(Place { first: robot.joint_index(&c.from).ok()?, second: robot.joint_index(&c.to).ok()? }))
-                .collect(),
+            Scope::Pair => {
+                let named = robot.cable_coupling.iter();
+                let named = named.filter_map(|c| Some((robot.joint_index(&c.from).ok()?, robot.joint_index(&c.to).ok()?)));
+                // The cables of an arm run over the joints before theirs, whether the file has a number for it or not.
+                let arm = matches!(robot.kinematics, KinematicsKind::Raven(_)) && robot.joints.len() >= 3;
+                let passing: &[(usize, usize)] = if arm { &[(0, 1), (0, 2), (1, 2)] } else { &[] };
+                let pairs: BTreeSet<(usize, usize)> = named.chain(passing.iter().copied()).collect();
+                pairs.into_iter().map(|(first, second)| Place { first, second }).collect()
+            }
             Scope::LinkAngle => (0..2).map(|first| Place { first, second: 0 }).collect(),
             Scope::Robot | Scope::Rig => vec![Place::default()],
         }
@@ -146,10 +167,27 @@ impl Effect {
 }
 
 impl Sited {
-    /// Every effect of the library at every place of a robot.
+    /// Every effect of the library at every place of a robot, in sizes of a Raven. One on a number that the nominal model lacks or has as
+    /// zero is an [`Amount`].
     #[must_use]
     pub fn all(robot: &Robot) -> Vec<Self> {
-        ALL.iter().flat_map(|effect| effect.places(robot).into_iter().map(move |place| Self { effect, place })).collect()
+        ALL.iter().flat_map(|effect| effect.places(robot).into_iter().map(move |place| Self::new(effect, place, robot))).collect()
+    }
+
+    fn new(effect: &'static Effect, place: Place, robot: &Robot) -> Self {
+        let amount = AMOUNTS.iter().find(|amount| amount.effect.id == effect.id && (amount.nominal)(robot, place) == 0.0);
+        let sited = Self { effect: amount.map_or(effect, |amount| &amount.effect), place, measure: Measure::raven(JointType::Revolute) };
+        Self { measure: Measure::raven(sited.joint_type(robot)), ..sited }
+    }
+
+    /// The joint whose sizes it has; the first for the whole.
+    #[must_use]
+    pub fn joint_measured(&self) -> usize {
+        match self.effect.scope {
+            Scope::Pair => self.place.second,
+            Scope::Joint => self.place.first,
+            Scope::LinkAngle | Scope::Robot | Scope::Rig => 0,
+        }
     }
 
     /// `joint` of a report: a joint's name, `from->to`, `12` or `23`, nothing for the whole.

@@ -3,6 +3,7 @@
 //! Hypotheses are compared in a coordinate `u` in which the effect's own prior, the slab, is `N(0, 1)` and no effect is `u = 0`. A number
 //! of the nominal model is off by its tolerance in any case: in `u` that is the spike `N(0, tolerance^2)`.
 
+use super::Measure;
 use crate::robot::{JointType, Robot};
 
 /// How a number goes with `u`.
@@ -25,7 +26,7 @@ pub enum Scale {
     Moment,
 }
 
-/// A typical size [unit of the parameter], which may depend on the kind of the joint.
+/// A typical size on a Raven [unit of the parameter], which may depend on the kind of the joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Size {
     /// Of a revolute joint, or of anything else.
@@ -39,7 +40,7 @@ pub struct Size {
 pub struct Parameter {
     /// Name.
     pub name: &'static str,
-    /// Unit; `joint` stands for rad or m.
+    /// Unit; one that a [`Measure`] knows, such as `joint` or `shaft torque`, stands for what it is at the place.
     pub unit: &'static str,
     /// Its slab.
     pub scale: Scale,
@@ -73,32 +74,32 @@ impl Size {
 impl Parameter {
     /// The value at `u`.
     #[must_use]
-    pub fn value(&self, u: f64, kind: JointType) -> f64 {
+    pub fn value(&self, u: f64, measure: Measure) -> f64 {
         match self.scale {
-            Scale::Offset(size) => size.at(kind) * u,
+            Scale::Offset(size) => self.size(size, measure) * u,
             Scale::Factor(size) => (size * u).exp(),
-            Scale::Magnitude(size) => size.at(kind) * u.abs(),
-            Scale::Shape { middle, size } => middle * (size * u).exp(),
+            Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
+            Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
             Scale::Moment => u.clamp(0.0, 1.0),
         }
     }
 
     /// Deviation of the value where `u` has the deviation `std`.
     #[must_use]
-    pub fn std(&self, u: f64, std: f64, kind: JointType) -> f64 {
+    pub fn std(&self, u: f64, std: f64, measure: Measure) -> f64 {
         match self.scale {
-            Scale::Offset(size) | Scale::Magnitude(size) => size.at(kind) * std,
-            Scale::Factor(size) | Scale::Shape { size, .. } => self.value(u, kind) * size * std,
+            Scale::Offset(size) | Scale::Magnitude(size) => self.size(size, measure) * std,
+            Scale::Factor(size) | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
             Scale::Moment => std,
         }
     }
 
     /// The spike's deviation in `u`: what the nominal value's tolerance amounts to.
     #[must_use]
-    pub fn tolerance_u(&self, robot: &Robot, place: super::Place, kind: JointType) -> Option<f64> {
+    pub fn tolerance_u(&self, robot: &Robot, place: super::Place, measure: Measure) -> Option<f64> {
         let tolerance = self.tolerance?(robot, place);
         Some(match self.scale {
-            Scale::Offset(size) | Scale::Magnitude(size) => tolerance / size.at(kind),
+            Scale::Offset(size) | Scale::Magnitude(size) => tolerance / self.size(size, measure),
             Scale::Factor(size) | Scale::Shape { size, .. } => tolerance / size,
             Scale::Moment => tolerance,
         })
@@ -106,11 +107,11 @@ impl Parameter {
 
     /// Unit in a report.
     #[must_use]
-    pub fn unit_at(&self, kind: JointType) -> &'static str {
-        match (self.unit, kind) {
-            ("joint", JointType::Revolute) => "rad",
-            ("joint", JointType::Prismatic) => "m",
-            (unit, _) => unit,
-        }
+    pub fn unit_at(&self, measure: Measure) -> &'static str {
+        measure.unit(self.unit)
+    }
+
+    fn size(&self, size: Size, measure: Measure) -> f64 {
+        size.at(measure.joint) * measure.times(self.unit)
     }
 }

@@ -2,15 +2,15 @@
 
 use nalgebra::Vector3;
 
-use crate::robot::{Arm, MotorTrack};
+use super::Cables;
+use crate::robot::MotorTrack;
 
 /// Time between evaluations of the load [s]: gravity changes little within it.
 const STRIDE_S: f64 = 0.01;
 
 /// Adds to the motor angles of joint `j` what `law` says [rad], sample by sample: it hears of the time since the last one [s], the
 /// tension difference in the cable [N], and how far the motor has turned [rad].
-pub fn under_tension(arm: &Arm, track: &mut MotorTrack, j: usize, mut law: impl FnMut(f64, f64, f64) -> f64) {
-    let transmission = &arm.transmission;
+pub fn under_tension(cables: &Cables, track: &mut MotorTrack, j: usize, mut law: impl FnMut(f64, f64, f64) -> f64) {
     let mut before: Option<(f64, Vector3<f64>, f64)> = None;
     let mut evaluated = f64::NEG_INFINITY;
     for (&time_s, angle) in track.time_s.iter().zip(&mut track.angle) {
@@ -18,11 +18,8 @@ pub fn under_tension(arm: &Arm, track: &mut MotorTrack, j: usize, mut law: impl 
         let (step_s, turned, mut tension) = before.map_or((0.0, Vector3::zeros(), 0.0), |(t, a, n)| (time_s - t, recorded - a, n));
         if time_s - evaluated >= STRIDE_S {
             evaluated = time_s;
-            let joint = transmission.joint_from_motor(&recorded);
-            let rate = if step_s > 0.0 { transmission.joint_rate_from_motor(&(turned / step_s)) } else { Vector3::zeros() };
-            let way = arm.rubbing(&rate);
-            let drag = Vector3::from_fn(|k, _| arm.link_friction[k].coulomb * way[k]);
-            tension = transmission.tension_n(&(arm.dynamics.bias(&joint, &Vector3::zeros()) + drag))[j];
+            let rate = if step_s > 0.0 { turned / step_s } else { Vector3::zeros() };
+            tension = (cables.tension_n)(time_s, &recorded, &rate)[j];
         }
         angle[j] += law(step_s, tension, turned[j]);
         before = Some((time_s, recorded, tension));

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 
 use super::{Drive, Model};
 use crate::Result;
-use crate::robot::Arm;
+use crate::robot::{Arm, Motor};
 
 /// Motors at one time, smoothed, with the torque that was commanded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,11 +40,59 @@ pub struct LinkMotion {
     pub acceleration: Vector3<f64>,
 }
 
+/// Motors and gear boxes.
+pub(super) struct Shafts {
+    motors: [Motor; 3],
+    drives: [Drive; 3],
+    gear_ratio: Vector3<f64>,
+}
+
+impl Shafts {
+    /// Of a model's joints; those that a bench lacks rest.
+    pub(super) fn new(model: &Model) -> Self {
+        let joint = |j: usize| model.robot.joints.get(j);
+        Self {
+            motors: std::array::from_fn(|j| joint(j).and_then(|joint| joint.motor).unwrap_or_default()),
+            drives: model.drives,
+            gear_ratio: Vector3::from_fn(|j, _| joint(j).map_or(1.0, |joint| joint.gear_ratio)),
+        }
+    }
+
+    /// What the drives deliver of a command [N m].
+    pub(super) fn delivered(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|j, _| {
+            (commanded[j] * self.drives[j].torque_gain).clamp(-self.drives[j].torque_limit, self.drives[j].torque_limit)
+        })
+    }
+
+    /// 1 where a drive clips its command, 0 elsewhere.
+    pub(super) fn clipped(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+        let clips = |j: usize| (commanded[j] * self.drives[j].torque_gain).abs() > self.drives[j].torque_limit;
+        Vector3::from_fn(|j, _| if clips(j) { 1.0 } else { 0.0 })
+    }
+
+    /// What the motors themselves take of it [N m after the gear box]; `way` is the direction of their dry friction.
+    pub(super) fn taken(&self, shaft: &Shaft, way: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|j, _| {
+            let (motor, drive, rate) = (&self.motors[j], &self.drives[j], shaft.rate[j]);
+            let [depth, speed] = drive.stribeck;
+            let dry = motor.coulomb_friction * (1.0 + depth * (-(rate / speed).powi(2)).exp()) * way[j];
+            let [amplitude, per_turn] = drive.ripple;
+            let ripple = amplitude * (per_turn * shaft.angle[j]).sin();
+            self.gear_ratio[j] * (motor.inertia * shaft.acceleration[j] + dry + motor.viscous_friction * rate - ripple)
+        })
+    }
+
+    /// What cables under tension differences [N] take of it [N m after the gear box]; `cable_per_motor_m` is `r_mc / N`.
+    pub(super) fn passed_on(&self, tension_n: &Vector3<f64>, cable_per_motor_m: &Vector3<f64>) -> Vector3<f64> {
+        tension_n.component_mul(cable_per_motor_m).component_mul(&self.gear_ratio)
+    }
+}
+
 /// A model of the drives.
 pub struct TorqueModel {
     arm: Arm,
-    drives: [Drive; 3],
-    gear_ratio: Vector3<f64>,
+    shafts: Shafts,
 }
 
 impl TorqueModel {
@@ -54,16 +102,19 @@ impl TorqueModel {
     /// If the robot is no arm.
     pub fn new(model: &Model) -> Result<Self> {
         let arm = model.robot.arm()?;
-        let gear_ratio = Vector3::from_fn(|j, _| model.robot.joints[j].gear_ratio);
-        Ok(Self { arm, drives: model.drives, gear_ratio })
+        Ok(Self { arm, shafts: Shafts::new(model) })
     }
 
     /// What the drives deliver of a command [N m].
     #[must_use]
     pub fn delivered(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|j, _| {
-            (commanded[j] * self.drives[j].torque_gain).clamp(-self.drives[j].torque_limit, self.drives[j].torque_limit)
-        })
+        self.shafts.delivered(commanded)
+    }
+
+    /// 1 where a drive clips its command, 0 elsewhere.
+    #[must_use]
+    pub fn clipped(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+        self.shafts.clipped(commanded)
     }
 
     /// The links as the motors move them without stretch.
@@ -89,14 +140,6 @@ impl TorqueModel {
         let rubbing =
             Vector3::from_fn(|j, _| self.arm.dry_friction_n(j, unloaded[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j]);
         let tension = transmission.tension_n(&(load + rubbing));
-        Vector3::from_fn(|j, _| {
-            let (motor, drive, rate) = (&self.arm.motors[j], &self.drives[j], shaft.rate[j]);
-            let [depth, speed] = drive.stribeck;
-            let dry = motor.coulomb_friction * (1.0 + depth * (-(rate / speed).powi(2)).exp()) * rate.signum();
-            let [amplitude, per_turn] = drive.ripple;
-            let ripple = amplitude * (per_turn * shaft.angle[j]).sin();
-            let on_shaft = motor.inertia * shaft.acceleration[j] + dry + motor.viscous_friction * rate - ripple;
-            self.gear_ratio[j] * (on_shaft + transmission.cable_per_motor_m[j] * tension[j])
-        })
+        self.shafts.taken(shaft, &shaft.rate.map(f64::signum)) + self.shafts.passed_on(&tension, &transmission.cable_per_motor_m)
     }
 }

@@ -44,25 +44,29 @@ impl Arm {
     /// that holds. After a pause there is no lag, as at the start.
     #[must_use]
     pub fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        let wound = if self.hysteresis.iter().all(|h| h.half_loop == 0.0) { Cow::Borrowed(motor) } else { Cow::Owned(self.wound(motor)) };
+        let none = self.hysteresis.iter().all(|h| h.half_loop == 0.0);
+        let wound = || behind_hysteresis(&self.hysteresis, &self.transmission.ratio, motor);
+        let wound = if none { Cow::Borrowed(motor) } else { Cow::Owned(wound()) };
         if has_play(self) { Cow::Owned(behind_play(self, &wound)) } else { wound }
     }
+}
 
-    fn wound(&self, motor: &MotorTrack) -> MotorTrack {
-        let per_joint = |of: fn(&Hysteresis) -> f64| Vector3::from_fn(|j, _| of(&self.hysteresis[j]) * self.transmission.ratio[j]);
-        let (half_rad, length_rad) = (per_joint(|h| h.half_loop), per_joint(|h| h.length));
-        let mut lag = Vector3::zeros();
-        let mut last: Option<(f64, Vector3<f64>)> = None;
-        let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
-            match last.filter(|(before_s, _)| time_s - before_s <= PAUSE_MAX_S) {
-                Some((_, before)) => lag = Vector3::from_fn(|j, _| lagging(lag[j], half_rad[j], length_rad[j], angle[j] - before[j])),
-                None => lag = Vector3::zeros(),
-            }
-            last = Some((time_s, *angle));
-            angle - lag
-        });
-        MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
-    }
+/// The motors' motion behind the hysteresis of each cable: what is wound. `ratio` is motor motion per joint motion.
+#[must_use]
+pub fn behind_hysteresis(hysteresis: &[Hysteresis; 3], ratio: &Vector3<f64>, motor: &MotorTrack) -> MotorTrack {
+    let per_joint = |of: fn(&Hysteresis) -> f64| Vector3::from_fn(|j, _| of(&hysteresis[j]) * ratio[j]);
+    let (half_rad, length_rad) = (per_joint(|h| h.half_loop), per_joint(|h| h.length));
+    let mut lag = Vector3::zeros();
+    let mut last: Option<(f64, Vector3<f64>)> = None;
+    let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
+        match last.filter(|(before_s, _)| time_s - before_s <= PAUSE_MAX_S) {
+            Some((_, before)) => lag = Vector3::from_fn(|j, _| lagging(lag[j], half_rad[j], length_rad[j], angle[j] - before[j])),
+            None => lag = Vector3::zeros(),
+        }
+        last = Some((time_s, *angle));
+        angle - lag
+    });
+    MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
 }
 
 /// Lag after a travel, exactly.

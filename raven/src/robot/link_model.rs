@@ -8,10 +8,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Arm;
+use super::{Arm, JointType};
 
 /// Speed below which Coulomb friction fades, per joint [rad/s, rad/s, m/s]: a tenth of the slowest motion that matters here.
 pub const STICTION_SPEED: [f64; 3] = [5e-3, 5e-3, 1e-3];
+
+/// The same by kind of joint.
+#[must_use]
+pub fn stiction_speed(kind: JointType) -> f64 {
+    STICTION_SPEED[if kind == JointType::Revolute { 0 } else { 2 }]
+}
 
 /// Joint positions and velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -18,9 +18,9 @@ pub use file::{
     Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, Provenance, Robot, Source, SourceFormat, Tolerances,
     ViscousCoulomb,
 };
-pub use hysteresis::Hysteresis;
+pub use hysteresis::{Hysteresis, behind_hysteresis};
 pub use kinematics::{ArmSide, Branch, Kinematics};
-pub use link_model::{LinkModel, LinkState, STICTION_SPEED};
+pub use link_model::{LinkModel, LinkState, STICTION_SPEED, stiction_speed};
 pub use rollout::{MotorTrack, PAUSE_MAX_S};
 pub use transmission::Transmission;
 
@@ -108,6 +108,19 @@ impl Robot {
             hysteresis: std::array::from_fn(|j| joints[j].hysteresis),
             hard_stop: nalgebra::Vector3::from_fn(|j, _| joints[j].hard_stop),
         })
+    }
+
+    /// The rigid transmission of a bench, its missing joints filled up with copies of the first.
+    ///
+    /// # Errors
+    /// If the file has no joints, or more than three.
+    pub fn bench_transmission(&self) -> Result<Transmission> {
+        let count = self.joints.len();
+        let [Some(first), None] = [self.joints.first(), self.joints.get(3)] else {
+            return Err(Error::Data(format!("robot `{}` has {count} joints; a bench has one to three.", self.name)));
+        };
+        let joints = std::array::from_fn(|j| self.joints.get(j).unwrap_or(first).clone());
+        Ok(Transmission::new(&joints, &nalgebra::Matrix3::zeros()))
     }
 
     /// The coupling as a matrix: cable travel, at the joint, is `(1 + C) q`; row is the cable, column the joint that moves it.

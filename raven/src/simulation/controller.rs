@@ -11,7 +11,6 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::machine::bench_transmission;
 use crate::Result;
 use crate::robot::{ArmSide, KinematicsKind, LinkDynamics, Robot, Transmission};
 
@@ -107,7 +106,7 @@ impl Controller {
         Ok(Self {
             gain_position: per_joint(|inertia, gear| inertia * gear * BENCH_BANDWIDTH * BENCH_BANDWIDTH),
             gain_rate: per_joint(|inertia, gear| 2.0 * inertia * gear * BENCH_BANDWIDTH),
-            ..base(bench_transmission(robot)?)
+            ..base(robot.bench_transmission()?)
         })
     }
 

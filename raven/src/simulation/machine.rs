@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::effect::{Effect, EffectKind};
 use super::outside::{Bulge, Bump, Contact, Wander};
-use crate::robot::{Cable, JointType, Kinematics, KinematicsKind, LinkDynamics, Motor, Robot, Transmission, ViscousCoulomb};
+use crate::robot::{Cable, JointType, Kinematics, KinematicsKind, LinkDynamics, Motor, Robot, ViscousCoulomb};
 use crate::{Error, Result};
 
 /// Drive of one joint: motor, capstan, cable.
@@ -143,7 +143,7 @@ impl Machine {
         if count > 3 {
             return Err(Error::Argument(format!("robot `{}` has {count} joints; the simulator has drives for at most 3.", robot.name)));
         }
-        let transmission = bench_transmission(robot)?;
+        let transmission = robot.bench_transmission()?;
         let mut drives = [Drive::new(&actual.joints[0]); 3];
         let mut mass = Vector3::repeat(1.0);
         for (j, joint) in actual.joints.iter().enumerate() {
@@ -153,7 +153,7 @@ impl Machine {
                 return Err(Error::Data(format!("robot `{}`: {key} is missing, but a simulated drive needs its inertia.", robot.name)));
             };
             let reflected = motor.inertia * joint.ratio() * joint.ratio();
-            let given = actual.links.get(j).map(|link| link.mass);
+            let given = actual.links.get(j).map(|link| if joint.kind == JointType::Prismatic { link.mass } else { link.inertia[2] });
             mass[j] = given.unwrap_or(BENCH_JOINT_MASS * reflected);
             if joint.cable.is_none() {
                 let cable_mass = mass[j] / (joint.link_pulley_radius * joint.link_pulley_radius);
@@ -294,12 +294,4 @@ fn actual_robot(robot: &Robot, effects: &[Effect]) -> Result<Robot> {
         }
     }
     Ok(actual)
-}
-
-/// The rigid transmission of a bench, its missing joints filled up with copies of the first.
-pub(super) fn bench_transmission(robot: &Robot) -> Result<Transmission> {
-    let joint = |j: usize| robot.joints.get(j).or_else(|| robot.joints.first());
-    let empty = || Error::Data(format!("robot `{}` has no joints.", robot.name));
-    let joints = [joint(0).ok_or_else(empty)?.clone(), joint(1).ok_or_else(empty)?.clone(), joint(2).ok_or_else(empty)?.clone()];
-    Ok(Transmission::new(&joints, &Matrix3::zeros()))
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::effect::{Effect, EffectKind};
-use super::machine::{Machine, bench_transmission};
+use super::machine::Machine;
 use super::off_nominal::deviations;
 use super::options::Options;
 use super::outside::Outside;
@@ -124,7 +124,7 @@ impl Truth {
         let drives = &self.machine.drives;
         let motor_at_hard_stop = match &robot.kinematics {
             KinematicsKind::Raven(_) => robot.arm().map(|arm| arm.transmission.motor_at_hard_stop),
-            KinematicsKind::Bench => bench_transmission(robot).map(|transmission| transmission.motor_at_hard_stop),
+            KinematicsKind::Bench => robot.bench_transmission().map(|transmission| transmission.motor_at_hard_stop),
         };
         let mut truth = json!({
             "format": "raven-truth/1",

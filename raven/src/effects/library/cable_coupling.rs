@@ -1,7 +1,7 @@
 //! A joint that moves another's cable more or less than believed.
 
 use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
-use crate::robot::JointType;
+use crate::robot::{Coupling, JointType};
 
 /// cable-coupling.
 pub const EFFECT: Effect = Effect {
@@ -27,8 +27,9 @@ pub const EFFECT: Effect = Effect {
     act: |model, place, values| {
         let name = |j: usize| model.robot.joints[j].name.clone();
         let (from, to) = (name(place.first), name(place.second));
-        if let Some(coupling) = model.robot.cable_coupling.iter_mut().find(|c| c.from == from && c.to == to) {
-            coupling.coefficient += values[0];
+        match model.robot.cable_coupling.iter_mut().find(|c| c.from == from && c.to == to) {
+            Some(coupling) => coupling.coefficient += values[0],
+            None => model.robot.cable_coupling.push(Coupling { from, to, coefficient: values[0] }),
         }
     },
 };

@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     stage: Stage::Transmission,
     summary: "a fraction of the capstan's travel is lost towards the load while the cable's force exceeds a limit",
     parameters: &[
-        Parameter { name: "force", unit: "N", scale: Scale::Shape { middle: 15.0, size: 0.7 }, tolerance: None },
+        Parameter { name: "force", unit: "cable force", scale: Scale::Shape { middle: 15.0, size: 0.7 }, tolerance: None },
         Parameter { name: "fraction", unit: "1", scale: Scale::Magnitude(Size::of(0.01)), tolerance: None },
     ],
     channels: &[Channel::Tip],
@@ -18,9 +18,9 @@ pub const EFFECT: Effect = Effect {
     separated_by: "many cycles under load, against the same time without motion",
     act: |model, place, values| {
         let (j, limit_n, fraction) = (place.first, values[0], values[1]);
-        model.motors.push(Box::new(move |arm, track| {
+        model.motors.push(Box::new(move |cables, track| {
             let mut slipped_rad = 0.0;
-            under_tension(arm, track, j, |_, tension_n, travel_rad| {
+            under_tension(cables, track, j, |_, tension_n, travel_rad| {
                 if tension_n.abs() > limit_n {
                     slipped_rad += fraction * travel_rad.abs() * tension_n.signum();
                 }

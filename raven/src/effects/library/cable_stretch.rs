@@ -1,6 +1,7 @@
 //! A cable softer or stiffer than its data sheet.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use crate::robot::Cable;
 
 /// cable-stretch.
 pub const EFFECT: Effect = Effect {
@@ -22,5 +23,26 @@ pub const EFFECT: Effect = Effect {
         if let Some(cable) = &mut joint.cable {
             cable.stiffness *= values[0];
         }
+    },
+};
+
+/// The same where the nominal model has none of it: an amount instead of a factor.
+pub const AMOUNT: Amount = Amount {
+    nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.cable).map_or(0.0, |cable| cable.stiffness),
+    effect: Effect {
+        summary: "1 / (2 k_e r_l^2) at a joint whose nominal model is rigid",
+        parameters: &[Parameter {
+            name: "compliance",
+            unit: "joint compliance",
+            scale: Scale::Magnitude(Size::per_kind(0.02, 0.002)),
+            tolerance: None,
+        }],
+        act: |model, place, values| {
+            let joint = &mut model.robot.joints[place.first];
+            let radius_m = joint.link_pulley_radius;
+            let damping = joint.cable.map_or(0.0, |cable| cable.damping);
+            joint.cable = Some(Cable::new(1.0 / (2.0 * values[0] * radius_m * radius_m), damping));
+        },
+        ..EFFECT
     },
 };

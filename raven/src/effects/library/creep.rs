@@ -18,11 +18,11 @@ pub const EFFECT: Effect = Effect {
     separated_by: "a pose held for a minute after a change of load, and again",
     act: |model, place, values| {
         let (j, ratio, time_s) = (place.first, values[0], values[1]);
-        model.motors.push(Box::new(move |arm, track| {
-            let stiffness = arm.cables[j].stiffness;
-            let per_stretch = 1.0 / arm.transmission.cable_per_motor_m[j];
+        model.motors.push(Box::new(move |cables, track| {
+            let stiffness = cables.stiffness_n[j];
+            let per_stretch = 1.0 / cables.transmission.cable_per_motor_m[j];
             let mut crept_m = None;
-            under_tension(arm, track, j, |step_s, tension_n, _| {
+            under_tension(cables, track, j, |step_s, tension_n, _| {
                 let settled_m = ratio * tension_n / (2.0 * stiffness);
                 // The recording starts with a robot that has stood there.
                 let before = crept_m.unwrap_or(settled_m);

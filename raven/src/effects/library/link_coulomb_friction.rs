@@ -1,7 +1,7 @@
 //! Dry friction at the joint.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
-use crate::robot::STICTION_SPEED;
+use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use crate::robot::stiction_speed;
 
 /// Steepest slope of friction at rest, over the model's own.
 const STEEPEST: f64 = 2.0;
@@ -22,12 +22,32 @@ pub const EFFECT: Effect = Effect {
     separated_by: "the same reversals at two cable tensions; without a tip it cannot be told from the motor's friction",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];
+        let usual = stiction_speed(joint.kind);
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
             // More friction takes more speed to build up: its slope at rest is the bearing's. One much steeper than the model's looks the
             // same, and takes ever smaller steps.
             let slope = values[1].min(STEEPEST);
-            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[0] / slope);
+            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) * values[0] / slope);
         }
+    },
+};
+
+/// The same where the nominal model has none of it: an amount instead of a factor.
+pub const AMOUNT: Amount = Amount {
+    nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb),
+    effect: Effect {
+        summary: "F_c of a joint without any in the nominal model",
+        parameters: &[
+            Parameter { name: "amount", unit: "joint force", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None },
+            EFFECT.parameters[1],
+        ],
+        act: |model, place, values| {
+            let usual = stiction_speed(model.robot.joints[place.first].kind);
+            let friction = model.link_friction_mut(place.first);
+            friction.coulomb = values[0];
+            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) / values[1].min(STEEPEST));
+        },
+        ..EFFECT
     },
 };

@@ -1,6 +1,7 @@
 //! Inertia of a link.
 
 use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use crate::robot::KinematicsKind;
 
 /// link-inertia.
 pub const EFFECT: Effect = Effect {
@@ -18,7 +19,12 @@ pub const EFFECT: Effect = Effect {
     ties: &[Tie { id: "motor-inertia", exact: false }],
     separated_by: "the same path at two speeds",
     act: |model, place, values| {
+        let bench = matches!(model.robot.kinematics, KinematicsKind::Bench);
         if let Some(link) = model.robot.links.get_mut(place.first) {
+            // A slide on a bench carries its whole mass, a link its own links.
+            if bench {
+                link.mass *= values[0];
+            }
             link.inertia = link.inertia.map(|moment| moment * values[0]);
         }
     },

@@ -1,6 +1,6 @@
 //! Viscous friction at the joint.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// link-viscous-friction.
 pub const EFFECT: Effect = Effect {
@@ -22,5 +22,16 @@ pub const EFFECT: Effect = Effect {
         if let Some(friction) = &mut joint.link_friction {
             friction.viscous *= values[0];
         }
+    },
+};
+
+/// The same where the nominal model has none of it: an amount instead of a factor.
+pub const AMOUNT: Amount = Amount {
+    nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.viscous),
+    effect: Effect {
+        summary: "F_v of a joint without any in the nominal model",
+        parameters: &[Parameter { name: "amount", unit: "joint viscosity", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None }],
+        act: |model, place, values| model.link_friction_mut(place.first).viscous = values[0],
+        ..EFFECT
     },
 };

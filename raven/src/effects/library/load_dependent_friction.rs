@@ -13,9 +13,6 @@ pub const EFFECT: Effect = Effect {
     ties: &[Tie { id: "link-coulomb-friction", exact: false }],
     separated_by: "the same motion under two payloads",
     act: |model, place, values| {
-        let joint = &mut model.robot.joints[place.first];
-        if let Some(friction) = &mut joint.link_friction {
-            friction.per_load += values[0];
-        }
+        model.link_friction_mut(place.first).per_load += values[0];
     },
 };

@@ -35,7 +35,7 @@ mod torque_constant;
 mod torque_ripple;
 mod torque_saturation;
 
-use super::Effect;
+use super::{Amount, Effect};
 
 /// The registry.
 pub const ALL: &[&Effect] = &[
@@ -73,4 +73,14 @@ pub const ALL: &[&Effect] = &[
     &stereo_desync::EFFECT,
     &rolling_shutter::EFFECT,
     &missed_counts::EFFECT,
+];
+
+/// Effects on numbers that a nominal model may lack or have as zero.
+pub const AMOUNTS: &[&Amount] = &[
+    &cable_stretch::AMOUNT,
+    &link_coulomb_friction::AMOUNT,
+    &link_viscous_friction::AMOUNT,
+    &motor_coulomb_friction::AMOUNT,
+    &motor_viscous_friction::AMOUNT,
+    &motor_inertia::AMOUNT,
 ];

@@ -1,6 +1,6 @@
 //! Dry friction of the motor.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// motor-coulomb-friction.
 pub const EFFECT: Effect = Effect {
@@ -22,5 +22,16 @@ pub const EFFECT: Effect = Effect {
         if let Some(motor) = &mut joint.motor {
             motor.coulomb_friction *= values[0];
         }
+    },
+};
+
+/// The same where the nominal model has none of it: an amount instead of a factor.
+pub const AMOUNT: Amount = Amount {
+    nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.motor).map_or(0.0, |motor| motor.coulomb_friction),
+    effect: Effect {
+        summary: "tau_c of a motor without any in the nominal model",
+        parameters: &[Parameter { name: "amount", unit: "shaft torque", scale: Scale::Magnitude(Size::of(5e-3)), tolerance: None }],
+        act: |model, place, values| model.motor_mut(place.first).coulomb_friction = values[0],
+        ..EFFECT
     },
 };

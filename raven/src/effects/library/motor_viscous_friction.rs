@@ -1,6 +1,6 @@
 //! Viscous friction of the motor.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// motor-viscous-friction.
 pub const EFFECT: Effect = Effect {
@@ -22,5 +22,16 @@ pub const EFFECT: Effect = Effect {
         if let Some(motor) = &mut joint.motor {
             motor.viscous_friction *= values[0];
         }
+    },
+};
+
+/// The same where the nominal model has none of it: an amount instead of a factor.
+pub const AMOUNT: Amount = Amount {
+    nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.motor).map_or(0.0, |motor| motor.viscous_friction),
+    effect: Effect {
+        summary: "tau_v of a motor without any in the nominal model",
+        parameters: &[Parameter { name: "amount", unit: "shaft viscosity", scale: Scale::Magnitude(Size::of(4e-4)), tolerance: None }],
+        act: |model, place, values| model.motor_mut(place.first).viscous_friction = values[0],
+        ..EFFECT
     },
 };

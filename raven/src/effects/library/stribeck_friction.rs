@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "tau_c (1 + d exp(-(v / v_s)^2)), speed at the motor",
     parameters: &[
         Parameter { name: "depth", unit: "1", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None },
-        Parameter { name: "speed", unit: "rad/s", scale: Scale::Shape { middle: 5.0, size: 0.5 }, tolerance: None },
+        Parameter { name: "speed", unit: "motor speed", scale: Scale::Shape { middle: 5.0, size: 0.5 }, tolerance: None },
     ],
     channels: &[Channel::Torque],
     ties: &[Tie { id: "motor-coulomb-friction", exact: false }],

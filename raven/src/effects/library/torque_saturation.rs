@@ -8,7 +8,7 @@ pub const EFFECT: Effect = Effect {
     scope: Scope::Joint,
     stage: Stage::Motor,
     summary: "the delivered torque is clipped at a limit",
-    parameters: &[Parameter { name: "limit", unit: "N m", scale: Scale::Shape { middle: 0.15, size: 1.0 }, tolerance: None }],
+    parameters: &[Parameter { name: "limit", unit: "drive torque", scale: Scale::Shape { middle: 0.15, size: 1.0 }, tolerance: None }],
     channels: &[Channel::Torque],
     ties: &[],
     separated_by: "fast motion",

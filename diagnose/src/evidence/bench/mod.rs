@@ -1,0 +1,231 @@
+//! Benches as hypotheses see them: motor torque, and joint encoders in the place of tips.
+
+mod recorded;
+mod signs;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::Vector3;
+use raven::effects::{BenchModel, Channel, Driven, Measure, Model, Scope, Sited, Stage, Tension};
+use raven::log::Recording;
+use raven::robot::{Joint, Robot, stiction_speed};
+use raven::{Error, Result};
+
+use super::data::{STRIDE_S, WINDOW_S};
+use super::rows::{
+    CREEP_RAD_S, Links, NEAR_REST, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping,
+};
+pub use recorded::Recorded;
+pub use signs::Signs;
+
+/// Errors of one recording's joints and torques, sample by sample, with a 1 where a drive clips; and what turns the torques' into errors of the command.
+pub type Errors = (Vec<[Vector3<f64>; 3]>, Vector3<f64>);
+
+/// Recordings of a bench.
+pub struct Bench<'a> {
+    robot: &'a Robot,
+    recordings: Vec<Recorded>,
+    signs: Vec<Signs>,
+    /// What sizes are measured in, per joint.
+    measures: Vec<Measure>,
+    /// Speeds of the motors below which the direction of their friction is in doubt [rad/s or m/s].
+    creep: Vector3<f64>,
+    /// Inverse deviations of every sample's joints and torques; 0 where they say nothing.
+    weights: Vec<Vec<[Vector3<f64>; 2]>>,
+}
+
+impl<'a> Bench<'a> {
+    /// Of recordings.
+    ///
+    /// # Errors
+    /// If the robot is no bench of one to three joints, or a recording has no motor side, fewer joints, or too few samples a second.
+    pub fn new(robot: &'a Robot, recordings: &[Recording]) -> Result<Self> {
+        robot.bench_transmission()?;
+        let signs: Vec<Signs> = (0..robot.joints.len()).map(|j| Signs::of(robot, recordings, j)).collect::<Result<_>>()?;
+        let recorded: Vec<Recorded> = recordings.iter().map(|r| Recorded::new(robot, r, &signs)).collect::<Result<_>>()?;
+        for (recording, recorded) in recordings.iter().zip(&recorded) {
+            if recorded.driven.is_empty() {
+                let message = format!("has no {WINDOW_S} s with five motor samples: the drives' motion cannot be told from it.");
+                return Err(Error::file(&recording.path, message));
+            }
+        }
+        let rms = |of: fn(&Driven) -> Vector3<f64>, j: usize| {
+            let all = recorded.iter().flat_map(|r| &r.driven).map(|driven| of(driven)[j].powi(2));
+            (all.clone().sum::<f64>() / all.count().max(1) as f64).sqrt()
+        };
+        let measures: Vec<Measure> =
+            (0..robot.joints.len()).map(|j| Measure::of(robot, j, rms(|d| d.shaft.commanded, j), rms(|d| d.shaft.rate, j))).collect();
+        let creep = Vector3::from_fn(|j, _| measures.get(j).map_or(1.0, |measure| measure.motor_rate(CREEP_RAD_S)));
+        let model = Vector3::from_fn(|j, _| TORQUE_MODEL * rms(|d| d.shaft.commanded, j) * (TORQUE_ALIKE_S / STRIDE_S).sqrt());
+        let weights = recorded.iter().map(|r| weights(robot, r, &model, &creep)).collect();
+        Ok(Self { robot, recordings: recorded, signs, measures, creep, weights })
+    }
+
+    /// What there is to say about signs and ratios.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<&str> {
+        self.signs.iter().flat_map(|signs| signs.remarks.iter().map(String::as_str)).collect()
+    }
+
+    /// Recordings.
+    #[must_use]
+    pub fn recordings(&self) -> &[Recorded] {
+        &self.recordings
+    }
+
+    /// The same with part of the samples counting less: `counts` says of a recording and time [s] what the weights are multiplied by.
+    #[must_use]
+    pub fn weighted(mut self, counts: impl Fn(usize, f64) -> f64) -> Self {
+        for (r, weights) in self.weights.iter_mut().enumerate() {
+            for (driven, weights) in self.recordings[r].driven.iter().zip(weights) {
+                weights.iter_mut().for_each(|weight| *weight *= counts(r, driven.shaft.time_s));
+            }
+        }
+        self
+    }
+
+    fn count(&self) -> usize {
+        self.recordings.iter().map(|r| r.driven.len()).sum()
+    }
+
+    fn has_joints(&self) -> bool {
+        self.recordings.iter().any(|r| r.joint_noise != Vector3::zeros())
+    }
+
+    fn has_torque(&self) -> bool {
+        self.recordings.iter().any(|r| r.has[0])
+    }
+
+    /// The nominal model with effects built in.
+    ///
+    /// # Errors
+    /// If the robot is no bench.
+    pub fn model(&self, settings: &[Setting]) -> Result<Model> {
+        Ok(settings.iter().fold(Model::new(self.robot, None)?, |model, (sited, u)| model.with(sited, u)))
+    }
+
+    /// Measured less predicted joints [rad or m] and torques [N m or N] of every recording, sample by sample; and what turns the torques'
+    /// into errors of the command.
+    ///
+    /// # Errors
+    /// If the robot is no bench.
+    pub fn errors(&self, settings: &[Setting], channels: &[Channel]) -> Result<Vec<Errors>> {
+        let model = self.model(settings)?;
+        let bench = BenchModel::new(&model, self.creep)?;
+        let [with_joints, with_torque] = [Channel::Tip, Channel::Torque].map(|channel| channels.contains(&channel));
+        let of = |(recorded, weights): (&Recorded, &Vec<[Vector3<f64>; 2]>)| {
+            let times_s: Vec<f64> = recorded.driven.iter().map(|driven| driven.shaft.time_s).collect();
+            let shown = if with_joints {
+                let pull = |driven: &Driven| if recorded.has[0] { bench.passed_on_n(driven) } else { bench.pulled_n(driven) };
+                let tension = Tension { time_s: times_s.clone(), value: recorded.driven.iter().map(pull).collect() };
+                bench.shown(&recorded.motors, &tension, &times_s)
+            } else {
+                vec![None; times_s.len()]
+            };
+            let errors = recorded.driven.iter().zip(&recorded.joints).zip(shown).map(|((driven, joint), shown)| {
+                let position = shown.map_or_else(Vector3::zeros, |shown| joint - shown);
+                let torque = if with_torque { bench.delivered(driven) - bench.needed(driven) } else { Vector3::zeros() };
+                [position, torque, bench.clipped(driven)]
+            });
+            let samples = recorded.driven.iter().map(|driven| (driven.shaft.commanded, bench.delivered(driven)));
+            let weights: Vec<Vector3<f64>> = weights.iter().map(|[_, torque]| *torque).collect();
+            (errors.collect(), commanded_per_delivered(samples, &weights))
+        };
+        Ok(self.recordings.iter().zip(&self.weights).map(of).collect())
+    }
+}
+
+impl Observed for Bench<'_> {
+    fn robot(&self) -> &Robot {
+        self.robot
+    }
+
+    fn tip_rows(&self) -> usize {
+        if self.has_joints() { 3 * self.count() } else { 0 }
+    }
+
+    fn torque_rows(&self) -> usize {
+        if self.has_torque() { 3 * self.count() } else { 0 }
+    }
+
+    fn has_cameras(&self) -> bool {
+        false
+    }
+
+    fn measure(&self, sited: &Sited) -> Measure {
+        self.measures.get(sited.joint_measured()).copied().unwrap_or(sited.measure)
+    }
+
+    fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
+        let joint = self.robot.joints.get(sited.place.first)?;
+        let joint_side = matches!(sited.effect.id, "link-coulomb-friction" | "link-viscous-friction" | "load-dependent-friction");
+        let of_motor = !matches!(sited.effect.id, "torque-constant" | "torque-saturation");
+        match (sited.effect.scope, sited.effect.id) {
+            (Scope::LinkAngle, _) => Some("a bench has no links"),
+            (Scope::Robot, _) => Some("a bench has no tool"),
+            (Scope::Rig, "time-offset" | "clock-drift") | (Scope::Pair, _) => None,
+            (Scope::Rig, _) => Some("a bench has no cameras"),
+            _ if sited.effect.stage == Stage::Motor && of_motor && joint.motor.is_none() => {
+                Some("the file has no motor: what is measured at its shaft is what the cable gets")
+            }
+            _ if joint_side && !self.has_joints() => Some("nothing measures the joint side: what rubs there counts as the motor's"),
+            (_, "link-inertia") if self.robot.links.get(sited.place.first).is_none() => Some("the file gives nothing that the joint moves"),
+            (_, "cable-stiffening" | "cable-damping" | "creep") if joint.cable.is_none() => Some("the nominal transmission is rigid"),
+            (_, "backlash" | "cable-slip" | "cable-stretch") if !self.has_torque() && !self.recordings.iter().any(|r| r.has[1]) => {
+                Some("no torque was recorded that tells the load")
+            }
+            _ if !self.has_joints() && !sited.effect.channels.contains(&Channel::Torque) => Some("the recording has no joint encoders"),
+            _ => None,
+        }
+    }
+
+    fn residuals(&self, settings: &[Setting], _links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
+        let (mut joints, mut torques) = (Vec::with_capacity(self.tip_rows() + self.torque_rows()), Vec::with_capacity(self.torque_rows()));
+        for (errors, weights) in self.errors(settings, channels)?.iter().zip(&self.weights) {
+            let (errors, per_delivered) = errors;
+            for ([joint, torque, clipped], [joint_weight, torque_weight]) in errors.iter().zip(weights) {
+                let weighted = |error: f64, weight: f64| if weight > 0.0 && error.is_finite() { error * weight } else { 0.0 };
+                joints.extend(joint.zip_map(joint_weight, weighted).iter());
+                let torque = torque.component_mul(per_delivered).zip_map(torque_weight, weighted);
+                torques.extend(torque.zip_map(clipped, with_clipping).iter());
+            }
+        }
+        joints.truncate(self.tip_rows());
+        torques.truncate(self.torque_rows());
+        joints.append(&mut torques);
+        Ok(joints)
+    }
+}
+
+/// Inverse deviations of a recording's samples; `model` is that of torques [N m or N]. Near rest nobody knows what friction holds: motors
+/// that hardly move say nothing of torque, nor of the stretch of cables whose force follows from such friction.
+fn weights(robot: &Robot, recorded: &Recorded, model: &Vector3<f64>, creep: &Vector3<f64>) -> Vec<[Vector3<f64>; 2]> {
+    let inverse = |v: f64| if v > 0.0 { 1.0 / v } else { 0.0 };
+    let of_joint = |j: usize| robot.joints.get(j).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb);
+    let weight = |driven: &Driven| {
+        let surely_moving = |j: usize| driven.shaft.rate[j].abs() > creep[j] + 0.5 * WINDOW_S * driven.shaft.acceleration[j].abs();
+        let position = |j: usize, _| {
+            let joint = robot.joints.get(j);
+            let in_doubt = if recorded.has[0] { joint.is_some_and(|joint| joint.motor.is_some()) } else { of_joint(j) > 0.0 };
+            if !in_doubt || surely_moving(j) { inverse(recorded.joint_noise[j]) } else { 0.0 }
+        };
+        let torque = |j: usize, _| {
+            let Some(joint) = robot.joints.get(j).filter(|_| recorded.has[0] && surely_moving(j)) else { return 0.0 };
+            let slow = 1.0 / (1.0 + (driven.shaft.rate[j] / joint.ratio() / (SLOW * stiction_speed(joint.kind))).powi(2));
+            let friction = of_joint(j) * joint.motor_capstan_radius / joint.link_pulley_radius;
+            let alike = (TORQUE_ALIKE_S / STRIDE_S).sqrt();
+            if model[j] > 0.0 { 1.0 / model[j].hypot(NEAR_REST * friction * slow * alike) } else { 0.0 }
+        };
+        [Vector3::from_fn(position), Vector3::from_fn(torque)]
+    };
+    recorded.driven.iter().map(weight).collect()
+}
+
+/// One joint's numbers of a series.
+pub(crate) fn by_joint<'s>(series: &'s [Vec<f64>], recording: &Recording, what: &str, joint: &Joint, j: usize) -> Result<&'s [f64]> {
+    series.get(j).map(Vec::as_slice).ok_or_else(|| {
+        let message =
+            format!("has {} joints on the {what} side, but the robot file names joint {} (`{}`).", series.len(), j + 1, joint.name);
+        Error::file(&recording.path, message)
+    })
+}
