@@ -5,8 +5,9 @@
 //! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
 //! that the recording determined into the robot file.
 //! [`identifiability`] says what a recording can tell at all. [`export`] hands them to the controller; [`excite`]
-//! proposes what to record next.
+//! proposes what to record next. [`added`] puts effects that a diagnosis named into the robot file.
 
+pub mod added;
 pub mod args;
 pub mod batch;
 pub mod damping;
@@ -50,6 +51,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match &args.command {
         Some(Command::Export(export)) => export::run(export, out),
         Some(Command::Excite(excite)) => excite::run(excite, out),
+        None if !args.identify.add_effect.is_empty() => added::run(&args.identify, out),
         None => identify(&args.identify, out),
     }
 }

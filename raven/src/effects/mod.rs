@@ -3,7 +3,9 @@
 //! An effect is one file of [`library`]: its identifier, stage, parameters with what is believed of them beforehand, the channels it shows
 //! in, its ties, and how it changes the [`Model`]. The equations are those of the fitted model; the virtual lab has its own.
 
+mod added;
 pub mod library;
+mod listed;
 mod model;
 mod parameter;
 mod tension;
@@ -12,7 +14,8 @@ mod torque;
 mod view;
 
 pub use library::ALL;
-pub use model::{Drive, Model, MotorLaw};
+pub use listed::{Home, check_listed, clock_drift, motor_laws, within_images};
+pub use model::{Drive, Model};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
 pub use torque::{LinkMotion, Shaft, TorqueModel};

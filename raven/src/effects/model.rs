@@ -1,14 +1,12 @@
 //! The nominal model with effects built in.
 
+use nalgebra::Vector3;
+
 use crate::Result;
 use crate::camera::Cameras;
-use crate::robot::{Arm, MotorTrack, Robot};
+use crate::robot::{Arm, MotorLaw, MotorTrack, Observation, Robot};
 
 use super::{Sited, View};
-
-/// How recorded motor angles become those that wind the cables: encoder faults and whatever the cable does at the capstan. It hears of the
-/// arm with all its numbers and of the recording's length [s], and changes the track in place.
-pub type MotorLaw = Box<dyn Fn(&Arm, &mut MotorTrack) + Send + Sync>;
 
 /// What a drive does beyond the numbers of the robot file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,31 +40,50 @@ pub struct Model {
 }
 
 impl Model {
-    /// Of a robot file, seen by cameras if there are any.
+    /// Of a robot file, seen by cameras if there are any. The effects that the file lists are built in, and the list of [`Self::robot`] is
+    /// empty: they are not built in again by whoever makes an arm of it.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the robot is no arm, or lists an effect that makes no sense.
     pub fn new(robot: &Robot, cameras: Option<&Cameras>) -> Result<Self> {
         let arm = robot.arm()?;
-        let mut anchored = robot.clone();
-        for (joint, &motor) in anchored.joints.iter_mut().zip(arm.transmission.motor_at_hard_stop.iter()) {
+        let mut model = Self::bare(robot);
+        for (joint, &motor) in model.robot.joints.iter_mut().zip(arm.transmission.motor_at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        let tip_at_hard_stop_m = arm.kinematics.forward(&arm.hard_stop);
-        Ok(Self {
-            view: View::new(cameras, tip_at_hard_stop_m, &robot.observation),
-            robot: anchored,
-            motors: Vec::new(),
-            drives: [Drive::default(); 3],
-        })
+        model.view = View::new(cameras, arm.kinematics.forward(&arm.hard_stop), &robot.observation);
+        model.with_listed(robot)
+    }
+
+    /// Of a robot file that need not be complete, seen by nothing, without what it lists.
+    pub(super) fn bare(robot: &Robot) -> Self {
+        let mut robot = robot.clone();
+        robot.effects.clear();
+        let view = View::new(None, Vector3::zeros(), &Observation::default());
+        Self { robot, motors: Vec::new(), drives: [Drive::default(); 3], view }
+    }
+
+    /// With the effects that `robot` lists.
+    pub(super) fn with_listed(mut self, robot: &Robot) -> Result<Self> {
+        for listed in &robot.effects {
+            let (sited, values) = Sited::from_listed(robot, listed)?;
+            self = self.with_values(&sited, &values);
+        }
+        Ok(self)
     }
 
     /// Builds an effect in, at `u` of each of its parameters (see [`super::Parameter`]).
     #[must_use]
-    pub fn with(mut self, sited: &Sited, u: &[f64]) -> Self {
+    pub fn with(self, sited: &Sited, u: &[f64]) -> Self {
         let kind = sited.joint_type(&self.robot);
         let values: Vec<f64> = sited.effect.parameters.iter().zip(u).map(|(parameter, &u)| parameter.value(u, kind)).collect();
-        (sited.effect.act)(&mut self, sited.place, &values);
+        self.with_values(sited, &values)
+    }
+
+    /// Builds an effect in, with values in the units of its parameters.
+    #[must_use]
+    pub fn with_values(mut self, sited: &Sited, values: &[f64]) -> Self {
+        (sited.effect.act)(&mut self, sited.place, values);
         self
     }
 
