@@ -52,7 +52,7 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
     };
     let estimates = Estimates {
         believed: transmission(&believed_arm, &motor),
-        kinematic: transmission(&arm, &motor),
+        kinematic: transmission(&arm, &arm.motor_laws.applied(&arm, &motor)),
         camera,
         filter: track(&filter.filtered),
         smoother: track(&filter.smoothed),

@@ -47,6 +47,9 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     // What is written must be readable: the sentence about a number that is not comes from reading it.
     Robot::parse(output, &robot.to_yaml())?;
+    if output.as_os_str() == "-" {
+        return crate::print(out, &robot.to_yaml()).map(|()| Outcome::Done);
+    }
     robot.write(output)?;
     let changes = before.changes_to(&robot);
     let listed = &robot.effects[before.effects.len()..];

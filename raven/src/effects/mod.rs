@@ -180,4 +180,6 @@ impl Sited {
 }
 
 #[cfg(test)]
+mod added_tests;
+#[cfg(test)]
 mod tests;

@@ -21,7 +21,10 @@ pub const EFFECT: Effect = Effect {
         let joint = &mut model.robot.joints[place.first];
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
-            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[1]);
+            // A file that leaves the speed to the model goes on doing so.
+            if values[1] != 1.0 {
+                friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(STICTION_SPEED[place.first.min(2)]) * values[1]);
+            }
         }
     },
 };
