@@ -99,6 +99,12 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if args.json.as_deref() != Some(Path::new("-")) {
         print(out, &report.table())?;
     }
+    for effect in raven::effects::within_images(&robot) {
+        cli::warn(&format!(
+            "{} is in the robot file's list of effects and left out here: a tip is taken for one point at one time.",
+            effect.id
+        ));
+    }
     recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }

@@ -123,7 +123,7 @@ impl Sited {
 ///
 /// # Errors
 /// If an effect is unknown, at no joint of this robot, without its values, beyond their ranges, or there twice.
-pub fn check_listed(robot: &Robot) -> Result<(), String> {
+pub(crate) fn check_listed(robot: &Robot) -> Result<(), String> {
     if !robot.effects.is_empty() && !matches!(robot.kinematics, KinematicsKind::Raven(_)) {
         return Err("effects is a list for arms, and this is a bench; take it out.".to_owned());
     }
@@ -140,7 +140,7 @@ pub fn check_listed(robot: &Robot) -> Result<(), String> {
 ///
 /// # Errors
 /// If the list makes no sense.
-pub fn motor_laws(robot: &Robot) -> Result<MotorLaws> {
+pub(crate) fn motor_laws(robot: &Robot) -> Result<MotorLaws> {
     if robot.effects.is_empty() {
         return Ok(MotorLaws::default());
     }

@@ -14,7 +14,8 @@ mod torque;
 mod view;
 
 pub use library::ALL;
-pub use listed::{Home, check_listed, clock_drift, motor_laws, within_images};
+pub use listed::{Home, clock_drift, within_images};
+pub(crate) use listed::{check_listed, motor_laws};
 pub use model::{Drive, Model};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
