@@ -57,7 +57,8 @@ fn values_come_from_the_report() {
         blamed("joint-offset", Some("elbow"), &[("offset", 1.0, 0.1, "deg")]),
         blamed("creep", Some("elbow"), &[("ratio", 2.5, 0.2, "1"), ("time", 30.0, 5.0, "s")]),
     ]));
-    let typed = "--add-effect pulley-radius --add-effect joint-offset:elbow --add-effect creep --diagnosis {report.json} --robot {robot.yaml} -o {new.yaml}";
+    let typed = "--add-effect pulley-radius --add-effect joint-offset:elbow --add-effect creep --diagnosis {report.json} \
+                 --robot {robot.yaml} -o {new.yaml}";
     folder.identify(typed).unwrap();
     let (old, new) = (nominal::gold(), folder.robot("new.yaml"));
     let radius_m = old.joints[0].link_pulley_radius;

@@ -20,8 +20,8 @@ fn json(folder: &Path, name: &str) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(folder.join(name)).unwrap()).unwrap()
 }
 
-/// Mean square of what is between a recording and a robot file, at the tip for `raven-diagnose` [mm^2] and at a joint against its encoder for
-/// `raven-replay`'s transmission kinematics [deg^2, mm^2].
+/// Mean square of what is between a recording and a robot file, at the tip for `raven-diagnose` [mm^2] and at a joint against its encoder
+/// for `raven-replay`'s transmission kinematics [deg^2, mm^2].
 fn gaps(folder: &Path, log: &str, robot: &str, joint: usize) -> [f64; 2] {
     step(folder, "raven-diagnose", chain::diagnose, &format!("{{{log}}} --robot {{{robot}}} --json {{gap.json}}"));
     step(folder, "raven-replay", chain::replay, &format!("{{{log}}} --robot {{{robot}}} --json {{replay.json}}"));

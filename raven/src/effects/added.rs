@@ -6,9 +6,9 @@ use crate::robot::{Observation, Robot};
 use crate::{Error, Result};
 
 impl Sited {
-    /// The robot file with this effect in it, with values in the units of its parameters: in the file's numbers where those can say it, in its
-    /// list of effects otherwise. The encoders stay set as the old file set them. `cameras` say how the rig stands, where the effect is
-    /// in their frame.
+    /// The robot file with this effect in it, with values in the units of its parameters: in the file's numbers where those can say it,
+    /// in its list of effects otherwise. The encoders stay set as the old file set them. `cameras` say how the rig stands, where the
+    /// effect is in their frame.
     ///
     /// # Errors
     /// If the robot is no arm, a value is beyond its range, the effect belongs to the camera file, or is in the list already.

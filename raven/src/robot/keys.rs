@@ -38,7 +38,8 @@ pub struct Change {
 }
 
 impl Robot {
-    /// The numbers in which `new` differs from this file, in the file's order. What follows from others (`motor_at_hard_stop`) is not among them.
+    /// The numbers in which `new` differs from this file, in the file's order. What follows from others (`motor_at_hard_stop`) is not
+    /// among them.
     #[must_use]
     pub fn changes_to(&self, new: &Self) -> Vec<Change> {
         let (mut old, mut new) = (self.clone(), new.clone());
