@@ -55,16 +55,18 @@ fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).amax()).fold(0.0, f64::max)
 }
 
+/// Well within the priors; forces, lengths and times short enough to show in this motion.
 fn values(sited: &Sited, robot: &Robot) -> Vec<f64> {
     let kind = sited.joint_type(robot);
-    sited.effect.parameters.iter().zip([0.7, 0.4, -0.5]).map(|(p, u)| p.value(u, kind)).collect()
+    let value = |(p, u): (&Parameter, f64)| p.value(if matches!(p.scale, Scale::Shape { .. }) { -1.5 } else { u }, kind);
+    sited.effect.parameters.iter().zip([0.7, 0.4, -0.5]).map(value).collect()
 }
 
 #[test]
 fn a_file_with_an_effect_predicts_what_the_model_with_it_does() {
     let (old, cameras) = (calibrated(), cameras());
     let nominal = predicted(&Model::new(&old, Some(&cameras)).unwrap());
-    let mut refused = Vec::new();
+    let (mut refused, mut idle) = (Vec::new(), Vec::new());
     for sited in Sited::all(&old) {
         let (values, what) = (values(&sited, &old), format!("{} {:?}", sited.effect.id, sited.joint(&old)));
         let new = match sited.added_to(&old, Some(&cameras), &values) {
@@ -83,9 +85,12 @@ fn a_file_with_an_effect_predicts_what_the_model_with_it_does() {
         assert!(miss.iter().all(|miss| *miss < 1e-9), "{what}: {miss:?}");
         let shown = [apart(&by_file.0, &nominal.0), apart(&by_file.1, &nominal.1)];
         let (miss, shown) = (miss[0].max(miss[1]), shown[0].max(shown[1]));
-        assert!(shown > 1e-11 && miss < 1e-2 * shown, "{what} does nothing: {shown}, and misses by {miss}");
+        if shown < 1e-11 || miss > 1e-2 * shown {
+            idle.push(format!("{what}: shows by {shown}, misses by {miss}"));
+        }
     }
     assert_eq!(refused, ["stereo-scale", "lens-distortion"]);
+    assert!(idle.is_empty(), "{idle:?}");
 }
 
 /// Whoever follows recorded motors through the arm alone sees what the model sees.
