@@ -23,7 +23,6 @@ use raven::{Error, Result};
 use serde::Serialize;
 
 use crate::attribution::Attribution;
-use crate::evidence::data::Data;
 use crate::gap::Gap;
 use crate::residual::{Channels, Residuals, channels};
 use crate::whereabouts::{Place, Whereabouts};
@@ -134,9 +133,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 
 /// What recordings say of causes.
 fn causes(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording]) -> Result<Attribution> {
-    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, cameras)).collect::<Result<_>>()?;
     let bar = cli::progress(STEPS, "looking for causes");
-    let attribution = attribution::attribute(robot, cameras, &data, || bar.inc(1));
+    let attribution = attribution::attribute(robot, cameras, recordings, || bar.inc(1));
     bar.finish_and_clear();
     attribution
 }

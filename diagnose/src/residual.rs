@@ -65,7 +65,7 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
     if recording.tip.is_empty() {
         return Ok(channels);
     }
-    let tips = recording.tips(arm, &robot.observation)?;
+    let tips = recording.tips(robot)?;
     let times: Vec<f64> = tips.iter().map(|tip| tip.time_s).collect();
     let states = LinkModel::new(arm.clone()).rollout(&arm.driving(&motor), &times);
     channels.joints = vec![Residuals::default(); 3];

@@ -13,6 +13,7 @@ Examples:
   raven-identify export identified.yaml --format r2params --base r2params.yaml -o new.yaml
   raven-identify excite --robot robot.yaml --parameters r_l,k_e --duration 60 -o motion.csv
   raven-identify day1.mcap day2.mcap --robot robot.yaml --parameters r_l,offset,latency
+  raven-identify --add-effect pulley-eccentricity:elbow --diagnosis report.json --robot robot.yaml -o new.yaml
 
 Parameters:
   r_l1..3, offset_1..3, coupling_12, coupling_13, coupling_23, k_e1..3, b_e1..3, F_c1..3,
@@ -120,6 +121,13 @@ pub struct Identify {
     /// Result for scripts; - for standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Instead of an identification: put an effect that raven-diagnose named into the robot file; may be repeated. Values in SI units; left
+    /// off they are those of --diagnosis.
+    #[arg(long, value_name = "ID[:JOINT][=VALUE,...]", conflicts_with_all = ["logs", "method", "horizon", "parameters", "plot"])]
+    pub add_effect: Vec<String>,
+    /// With --add-effect: the report that raven-diagnose --json wrote.
+    #[arg(long, value_name = "FILE", requires = "add_effect")]
+    pub diagnosis: Option<PathBuf>,
 }
 
 /// How the parameters are estimated.

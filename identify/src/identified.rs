@@ -55,12 +55,7 @@ pub fn identified(robot: &Robot, findings: &[Finding], friction_holds: bool, met
             *value = finding.value;
         }
     }
-    let (before, after) = (robot.arm()?.transmission.motor_at_hard_stop, new.arm()?.transmission.motor_at_hard_stop);
-    for (j, joint) in new.joints.iter_mut().enumerate().take(3) {
-        if before[j] != after[j] {
-            joint.motor_at_hard_stop = Some(before[j]);
-        }
-    }
+    new.keep_encoders_of(robot)?;
     let provenance = |finding: &Finding| Provenance {
         parameter: finding.unknown.quantity.name(),
         key: finding.unknown.key.clone(),

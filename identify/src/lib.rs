@@ -5,8 +5,9 @@
 //! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
 //! that the recording determined into the robot file.
 //! [`identifiability`] says what a recording can tell at all. [`export`] hands them to the controller; [`excite`]
-//! proposes what to record next.
+//! proposes what to record next. [`added`] puts effects that a diagnosis named into the robot file.
 
+pub mod added;
 pub mod args;
 pub mod batch;
 pub mod damping;
@@ -50,6 +51,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match &args.command {
         Some(Command::Export(export)) => export::run(export, out),
         Some(Command::Excite(excite)) => excite::run(excite, out),
+        None if !args.identify.add_effect.is_empty() => added::run(&args.identify, out),
         None => identify(&args.identify, out),
     }
 }
@@ -96,6 +98,12 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     if args.json.as_deref() != Some(Path::new("-")) {
         print(out, &report.table())?;
+    }
+    for effect in raven::effects::within_images(&robot) {
+        cli::warn(&format!(
+            "{} is in the robot file's list of effects and left out here: a tip is taken for one point at one time.",
+            effect.id
+        ));
     }
     recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })

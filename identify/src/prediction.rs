@@ -40,7 +40,7 @@ impl Predictor {
     /// If it describes no arm.
     pub fn new(robot: &Robot) -> Result<Self> {
         let arm = robot.arm()?;
-        Ok(Self { correction: TipCorrection::new(&arm, &robot.observation), model: LinkModel::new(arm) })
+        Ok(Self { correction: TipCorrection::of(robot, &arm)?, model: LinkModel::new(arm) })
     }
 
     /// The motors' motion as the cables have it; what all predictions are made of.
@@ -69,14 +69,14 @@ impl Predictor {
     /// Where the tip with stamp `time_s` should have been seen [m], the joints at `lag` [rad, rad, m] from rest.
     #[must_use]
     pub fn seen_lagging_m(&self, driving: &Motion, time_s: f64, lag: &Vector3<f64>) -> Vector3<f64> {
-        let joints = self.joints(driving, time_s - self.correction.latency_s()) + lag;
+        let joints = self.joints(driving, self.correction.shown_at_s(time_s)) + lag;
         self.correction.seen_m(&self.model.arm().kinematics.forward(&joints))
     }
 
     /// How that moves with the joints, 3x3 [m/rad, m/rad, 1].
     #[must_use]
     pub fn seen_from_joints(&self, driving: &Motion, time_s: f64) -> Matrix3<f64> {
-        let joints = self.joints(driving, time_s - self.correction.latency_s());
+        let joints = self.joints(driving, self.correction.shown_at_s(time_s));
         self.correction.seen_from_true() * self.model.arm().kinematics.jacobian(&joints)
     }
 
@@ -84,7 +84,7 @@ impl Predictor {
     /// the motion is not known.
     #[must_use]
     pub fn lag(&self, driving: &Motion, times_s: &[f64]) -> Vec<Vector3<f64>> {
-        let of_robot: Vec<f64> = times_s.iter().map(|t| t - self.correction.latency_s()).collect();
+        let of_robot: Vec<f64> = times_s.iter().map(|&t| self.correction.shown_at_s(t)).collect();
         let of_part = |times_s: &[f64]| {
             let track = driving.part(times_s[0] - WARM_UP_S, times_s[times_s.len() - 1]);
             let lag = |(state, &time_s): (Option<LinkState>, &f64)| {

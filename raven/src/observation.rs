@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::filter::TipAt;
 use crate::log::{JointSeries, Recording, TipStatus};
-use crate::robot::{Arm, MotorTrack, Observation};
+use crate::robot::{Arm, MotorTrack, Observation, Robot};
 use crate::{Error, Result};
 
 impl Recording {
@@ -17,12 +17,12 @@ impl Recording {
         Ok(MotorTrack { time_s: motor.time_s.clone(), angle: three_joints(motor, self)? })
     }
 
-    /// Tips that were seen, with latency and registration as `observation` corrects them, sorted by time.
+    /// Tips that were seen, with latency, clock and registration as the robot file corrects them, sorted by time.
     ///
     /// # Errors
-    /// If the log has no tips.
-    pub fn tips(&self, arm: &Arm, observation: &Observation) -> Result<Vec<TipAt>> {
-        let correction = TipCorrection::new(arm, observation);
+    /// If the log has no tips, or the robot is no arm.
+    pub fn tips(&self, robot: &Robot) -> Result<Vec<TipAt>> {
+        let correction = TipCorrection::of(robot, &robot.arm()?)?;
         let seen = self.require_tip()?.iter().filter(|tip| tip.status == TipStatus::Seen);
         let mut tips: Vec<TipAt> = seen
             .map(|tip| {
@@ -51,11 +51,12 @@ pub fn three_joints(series: &JointSeries, recording: &Recording) -> Result<Vec<V
 /// Takes latency and registration error out of observed tips, and puts them into predicted ones:
 ///
 /// ```text
-/// p_true(t - latency) = R (p_seen(t) - p_hs) + p_hs + translation
+/// p_true(t - latency - drift t) = R (p_seen(t) - p_hs) + p_hs + translation
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct TipCorrection {
     latency_s: f64,
+    drift: f64,
     rotation: Rotation3<f64>,
     translation: Vector3<f64>,
     pivot: Vector3<f64>,
@@ -67,10 +68,19 @@ impl TipCorrection {
     pub fn new(arm: &Arm, observation: &Observation) -> Self {
         Self {
             latency_s: observation.latency,
+            drift: 0.0,
             rotation: Rotation3::new(Vector3::from(observation.rotation)),
             translation: Vector3::from(observation.translation),
             pivot: arm.kinematics.forward(&arm.hard_stop),
         }
+    }
+
+    /// The correction of a robot file, whose arm this is: the drift of the clocks, which its list of effects may hold, included.
+    ///
+    /// # Errors
+    /// If the list makes no sense.
+    pub fn of(robot: &Robot, arm: &Arm) -> Result<Self> {
+        Ok(Self { drift: crate::effects::clock_drift(robot)?, ..Self::new(arm, &robot.observation) })
     }
 
     /// The tip as the robot had it.
@@ -78,16 +88,16 @@ impl TipCorrection {
     pub fn apply(&self, tip: &TipAt) -> TipAt {
         let turn = self.rotation.matrix();
         TipAt {
-            time_s: tip.time_s - self.latency_s,
+            time_s: self.shown_at_s(tip.time_s),
             position: turn * (tip.position - self.pivot) + self.pivot + self.translation,
             covariance: turn * tip.covariance * turn.transpose(),
         }
     }
 
-    /// By how much an image shows the past of its stamp [s].
+    /// When the robot was where an image with this stamp shows it [s].
     #[must_use]
-    pub fn latency_s(&self) -> f64 {
-        self.latency_s
+    pub fn shown_at_s(&self, stamp_s: f64) -> f64 {
+        stamp_s - self.latency_s - self.drift * stamp_s
     }
 
     /// Where the cameras see a tip [m, frame 0] that the robot has at `tip_m`: the inverse of [`Self::apply`] for the position.

@@ -23,7 +23,7 @@ pub struct Estimate {
 pub struct Estimates {
     /// Transmission kinematics as the controller believed them when it recorded.
     pub believed: Estimate,
-    /// Transmission kinematics with the parameters in hand.
+    /// Transmission kinematics with the parameters in hand, and what the listed effects make of the motors.
     pub kinematic: Estimate,
     /// Inverse kinematics of the observed tip.
     pub camera: Estimate,

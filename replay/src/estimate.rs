@@ -32,7 +32,7 @@ pub struct Settings {
 pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Result<(Estimates, FilterRun)> {
     let (arm, believed_arm) = (robot.arm()?, robot.before_calibration().arm()?);
     let motor = recording.motor_track()?;
-    let mut tips = if recording.tip.is_empty() { Vec::new() } else { recording.tips(&arm, &robot.observation)? };
+    let mut tips = if recording.tip.is_empty() { Vec::new() } else { recording.tips(robot)? };
     let hidden = hide(&mut tips, settings.occlude);
     let camera = camera(&arm, &motor, &tips);
     let mut offered = tips.clone();
@@ -52,7 +52,7 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
     };
     let estimates = Estimates {
         believed: transmission(&believed_arm, &motor),
-        kinematic: transmission(&arm, &motor),
+        kinematic: transmission(&arm, &arm.motor_laws.applied(&arm, &motor)),
         camera,
         filter: track(&filter.filtered),
         smoother: track(&filter.smoothed),

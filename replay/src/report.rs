@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
+use raven::effects::within_images;
 use raven::filter::FilterRun;
 use raven::filter::consistency::{self, NormalisedSquares, Whiteness};
 use raven::log::{JointSeries, LogWriter, Recording, topics};
@@ -20,6 +21,9 @@ pub struct Report {
     joints: Vec<JointRow>,
     paired_t: Vec<Option<TTest>>,
     logs: Vec<LogSummary>,
+    /// Effects of the robot file's list that replay cannot honour.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    left_out: Vec<String>,
     seconds: f64,
 }
 
@@ -90,7 +94,8 @@ impl Report {
         let known = errors.iter().zip(&robot.joints).filter(|(errors, _)| !errors.is_empty());
         let joints = known.map(|(errors, joint)| concatenate(errors).row(joint)).collect();
         let paired_t = errors.iter().filter(|errors| !errors.is_empty()).map(|errors| paired(errors)).collect();
-        Self { joints, paired_t, logs, seconds }
+        let left_out = within_images(robot).into_iter().map(|effect| effect.id.clone()).collect();
+        Self { joints, paired_t, logs, left_out, seconds }
     }
 
     /// Prints the table.
@@ -127,6 +132,9 @@ impl Report {
         }
         for log in &self.logs {
             log.print(out)?;
+        }
+        for id in &self.left_out {
+            writeln!(out, "{id} is in the robot file's list of effects and left out here: a tip is taken for one point at one time.")?;
         }
         Ok(())
     }

@@ -17,9 +17,11 @@ pub use words::{number, sentence, words};
 use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::Effect;
-use raven::robot::Robot;
+use raven::log::Recording;
+use raven::robot::{KinematicsKind, Robot};
 use serde::Serialize;
 
+use crate::evidence::bench::Bench;
 use crate::evidence::coordinates::Coordinates;
 use crate::evidence::data::Data;
 use crate::evidence::fit::{Fitter, Hypothesis};
@@ -41,6 +43,9 @@ pub struct Attribution {
     pub minimum_detectable: Vec<Detectable>,
     /// How far the gap closes.
     pub gap: Vec<Closure>,
+    /// What else there is to say.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
 }
 
 /// A cause.
@@ -98,25 +103,37 @@ pub struct NotObservable {
 /// Probability of no effect below which causes are named.
 const NONE_MAX: f64 = 0.2;
 
-/// Says what causes the gap of recordings of an arm. `each` hears of every step.
+/// Says what causes the gap of recordings of an arm or a bench. `each` hears of every step.
 ///
 /// # Errors
 /// If the recordings cannot carry a diagnosis.
-pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, data: &[Data], each: impl FnMut()) -> Result<Attribution> {
-    check_fitness(robot, data)?;
-    let rows = Rows::new(robot, cameras, data)?;
+pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording], each: impl FnMut()) -> Result<Attribution> {
+    if matches!(robot.kinematics, KinematicsKind::Bench) {
+        let bench = Bench::new(robot, recordings)?;
+        let coordinates = Coordinates::new(robot, &bench);
+        let fitter = Fitter { rows: &bench, coordinates: &coordinates };
+        let mut attribution = attribution(&fitter, &searched(&fitter, each)?)?;
+        attribution.remarks = bench.remarks().into_iter().map(str::to_owned).collect();
+        return Ok(attribution);
+    }
+    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, cameras)).collect::<Result<_>>()?;
+    check_fitness(robot, &data)?;
+    let rows = Rows::new(robot, cameras, &data)?;
     let coordinates = Coordinates::new(robot, &rows);
     let fitter = Fitter { rows: &rows, coordinates: &coordinates };
-    let Some(outcome) = fitter.search(each)? else {
-        return Err(raven::Error::Data(format!(
-            "robot `{}`: the model does not follow the recorded motors; check that file and recordings belong together.",
-            robot.name
-        )));
-    };
+    let outcome = searched(&fitter, each)?;
     let mut attribution = attribution(&fitter, &outcome)?;
-    let named = named(&outcome);
-    attribution.gap = closure::closures(&rows, &coordinates, named.unwrap_or(&outcome.none))?;
+    attribution.gap = closure::closures(&rows, &coordinates, named(&outcome).unwrap_or(&outcome.none))?;
     Ok(attribution)
+}
+
+fn searched(fitter: &Fitter, each: impl FnMut()) -> Result<Outcome> {
+    fitter.search(each)?.ok_or_else(|| {
+        raven::Error::Data(format!(
+            "robot `{}`: the model does not follow the recorded motors; check that file and recordings belong together.",
+            fitter.rows.robot().name
+        ))
+    })
 }
 
 /// The hypothesis whose effects are named; `None` where none is.
@@ -147,6 +164,7 @@ fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
         not_observable: not_observable.map(|(effect, because)| NotObservable { id: effect.id, because: (*because).to_owned() }).collect(),
         minimum_detectable: detectable::minimum_detectable(fitter, outcome)?,
         gap: Vec::new(),
+        remarks: Vec::new(),
     })
 }
 

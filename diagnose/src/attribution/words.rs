@@ -64,6 +64,9 @@ pub fn words(attribution: &Attribution) -> String {
         let _ = writeln!(text, "{:<17} {:>4} {:>12} {:>8} {:>8}  closed", "channel", "unit", "noise floor", "before", "after");
         attribution.gap.iter().for_each(|gap| row(&mut text, gap));
     }
+    attribution.remarks.iter().for_each(|remark| {
+        let _ = writeln!(text, "{remark}");
+    });
     text
 }
 

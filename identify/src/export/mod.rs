@@ -46,6 +46,14 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
         write_keeping_old(&args.output, &text)?;
     }
     calibration.left_out(args.format).iter().for_each(|sentence| cli::warn(sentence));
+    if !robot.effects.is_empty() {
+        let listed: Vec<&str> = robot.effects.iter().map(|effect| effect.id.as_str()).collect();
+        cli::warn(&format!(
+            "{}: the controller has no constants for {}, which the robot file lists as effects; they are not in this file.",
+            args.identified.display(),
+            listed.join(", ")
+        ));
+    }
     if robot.joints.iter().any(|joint| joint.motor_at_hard_stop.is_some()) {
         cli::warn(&format!(
             "{}: once the controller loads these numbers it sets its encoders by them; remove motor_at_hard_stop from the robot file before \

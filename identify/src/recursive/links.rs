@@ -27,12 +27,12 @@ impl Links {
     pub fn new(problem: &Problem, z: &[f64]) -> Result<Self> {
         let robot = problem.robot(&unbounded(z));
         let arm = robot.arm()?;
-        Ok(Self { correction: TipCorrection::new(&arm, &robot.observation), equation: PaperStates::new(LinkModel::new(arm)) })
+        Ok(Self { correction: TipCorrection::of(&robot, &arm)?, equation: PaperStates::new(LinkModel::new(arm)) })
     }
 
     /// Where the cables hold the links while the motors move as they do at an image.
     pub fn settled(&self, motion: &Motion, stamp_s: f64) -> States {
-        let time_s = stamp_s - self.correction.latency_s();
+        let time_s = self.correction.shown_at_s(stamp_s);
         let rate = self.equation.model.arm().transmission.joint_rate_from_motor(&motion.rate_rad_s(time_s));
         let direction = self.equation.model.arm().rubbing(&rate);
         let position = self.equation.model.settled(&motion.angle_rad(time_s), &direction);
@@ -41,9 +41,8 @@ impl Links {
 
     /// The links at the image `to_s`, from what they were at the image `from_s`; settled where the motors are not known in between.
     pub fn follow(&self, states: &States, motion: &Motion, from_s: f64, to_s: f64) -> States {
-        let latency_s = self.correction.latency_s();
         let state = LinkState { position: states.fixed_rows::<3>(0).into(), rate: states.fixed_rows::<3>(3).into() };
-        match self.equation.model.follow(state, motion.track(), from_s - latency_s, to_s - latency_s) {
+        match self.equation.model.follow(state, motion.track(), self.correction.shown_at_s(from_s), self.correction.shown_at_s(to_s)) {
             Some(state) => States::from_iterator(state.position.iter().chain(state.rate.iter()).copied()),
             None => self.settled(motion, to_s),
         }
@@ -61,7 +60,7 @@ impl Links {
 
     /// A filter of links at rest where the cables hold them.
     pub fn at_rest(&self, motion: &Motion, stamp_s: f64) -> SquareRootUkf<6, 3> {
-        let (_, factor) = self.equation.initial(&motion.angle_rad(stamp_s - self.correction.latency_s()));
+        let (_, factor) = self.equation.initial(&motion.angle_rad(self.correction.shown_at_s(stamp_s)));
         SquareRootUkf::new(self.settled(motion, stamp_s), factor)
     }
 

@@ -43,7 +43,7 @@ pub fn session(truth: &Robot, motion: &Motion, random: &mut ChaCha8Rng, alike: f
     let [start, end] = motion.span_s();
     let stamps = (0..((end - start) * CAMERA_HZ) as usize).map(|i| start + (i as f64 + 0.5) / CAMERA_HZ);
     let stamps: Vec<f64> = stamps.filter(|t| motion.covers(t - 0.1, t + 0.1)).collect();
-    let shown: Vec<f64> = stamps.iter().map(|t| t - correction.latency_s()).collect();
+    let shown: Vec<f64> = stamps.iter().map(|&t| correction.shown_at_s(t)).collect();
     let links = LinkModel::new(arm).rollout(motion.track(), &shown);
     let mut normal = || factor * Vector3::from_fn(|_, _| StandardNormal.sample(random));
     let mut common = normal();

@@ -11,11 +11,12 @@
 use nalgebra::Vector3;
 
 use super::torque::Shafts;
-use super::{Cables, LinkMotion, Model, Shaft};
+use super::{LinkMotion, Model, Shaft};
 use crate::Result;
 use crate::robot::{
     Cable, Hysteresis, JointType, MotorTrack, PAUSE_MAX_S, Transmission, ViscousCoulomb, behind_hysteresis, stiction_speed,
 };
+use crate::robot::{Cables, wound_by};
 
 /// A drive at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,7 +123,7 @@ impl<'a> BenchModel<'a> {
         let transmission = &self.transmission;
         let at = |time_s: f64, _: &Vector3<f64>, _: &Vector3<f64>| tension_n.at(time_s);
         let cables = Cables { transmission, stiffness_n: self.cables.map(|cable| cable.stiffness), tension_n: &at };
-        let wound = behind_hysteresis(&self.hysteresis, &transmission.ratio, &self.model.wound(&cables, motors));
+        let wound = behind_hysteresis(&self.hysteresis, &transmission.ratio, &wound_by(&self.model.motors, &cables, motors));
         let stretched = self.stretch_m(tension_n);
         let shown = |&stamp_s: &f64| {
             let time_s = self.model.view.shown_at_s(stamp_s);

@@ -3,8 +3,10 @@
 //! An effect is one file of [`library`]: its identifier, stage, parameters with what is believed of them beforehand, the channels it shows
 //! in, its ties, and how it changes the [`Model`]. The equations are those of the fitted model; the virtual lab has its own.
 
+mod added;
 mod bench;
 pub mod library;
+mod listed;
 mod measure;
 mod model;
 mod parameter;
@@ -15,8 +17,10 @@ mod view;
 
 pub use bench::{BenchModel, Driven, Tension};
 pub use library::{ALL, AMOUNTS};
+pub use listed::{Home, clock_drift, within_images};
+pub(crate) use listed::{check_listed, motor_laws};
 pub use measure::Measure;
-pub use model::{Cables, Drive, Model, MotorLaw, TensionLaw};
+pub use model::{Drive, Model};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
 pub use torque::{LinkMotion, Shaft, TorqueModel};
@@ -214,5 +218,7 @@ impl Sited {
     }
 }
 
+#[cfg(test)]
+mod added_tests;
 #[cfg(test)]
 mod tests;

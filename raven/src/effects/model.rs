@@ -4,26 +4,9 @@ use nalgebra::Vector3;
 
 use crate::Result;
 use crate::camera::Cameras;
-use crate::robot::{Arm, Cable, KinematicsKind, Motor, MotorTrack, Robot, Transmission, ViscousCoulomb};
+use crate::robot::{Arm, Cable, KinematicsKind, Motor, MotorLaw, MotorTrack, Observation, Robot, ViscousCoulomb, wound};
 
 use super::{Sited, View};
-
-/// How recorded motor angles become those that wind the cables: encoder faults and whatever the cable does at the capstan. It hears of the
-/// cables with all their numbers, and changes the track in place.
-pub type MotorLaw = Box<dyn Fn(&Cables, &mut MotorTrack) + Send + Sync>;
-
-/// Tension differences of the cables [N] at a time [s], with the motors at angles [rad] and turning [rad/s].
-pub type TensionLaw<'a> = dyn Fn(f64, &Vector3<f64>, &Vector3<f64>) -> Vector3<f64> + 'a;
-
-/// What a law of the motors' side hears of.
-pub struct Cables<'a> {
-    /// Pulleys.
-    pub transmission: &'a Transmission,
-    /// `k_e` of each [N].
-    pub stiffness_n: [f64; 3],
-    /// What they carry.
-    pub tension_n: &'a TensionLaw<'a>,
-}
 
 /// What a drive does beyond the numbers of the robot file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,61 +40,67 @@ pub struct Model {
 }
 
 impl Model {
-    /// Of a robot file, seen by cameras if there are any. A bench without a cable in its file has a rigid one.
+    /// Of a robot file, seen by cameras if there are any. A bench without a cable in its file has a rigid one. The effects that the file
+    /// lists are built in, and the list of [`Self::robot`] is empty: they are not built in again by whoever makes an arm of it.
     ///
     /// # Errors
-    /// If an arm lacks what an arm needs, or a bench has no joints or more than three.
+    /// If an arm lacks what an arm needs, a bench has no joints or more than three, or the list names an effect that makes no sense.
     pub fn new(robot: &Robot, cameras: Option<&Cameras>) -> Result<Self> {
-        let mut anchored = robot.clone();
+        let mut model = Self::bare(robot);
         let (motor_at_hard_stop, tip_at_hard_stop_m) = match &robot.kinematics {
             KinematicsKind::Raven(kinematics) => {
                 let arm = robot.arm()?;
                 (arm.transmission.motor_at_hard_stop, kinematics.forward(&arm.hard_stop))
             }
             KinematicsKind::Bench => {
-                for joint in &mut anchored.joints {
+                for joint in &mut model.robot.joints {
                     joint.cable.get_or_insert(Cable::new(f64::INFINITY, 0.0));
                 }
                 (robot.bench_transmission()?.motor_at_hard_stop, Vector3::zeros())
             }
         };
-        for (joint, &motor) in anchored.joints.iter_mut().zip(motor_at_hard_stop.iter()) {
+        for (joint, &motor) in model.robot.joints.iter_mut().zip(motor_at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        Ok(Self {
-            view: View::new(cameras, tip_at_hard_stop_m, &robot.observation),
-            robot: anchored,
-            motors: Vec::new(),
-            drives: [Drive::default(); 3],
-        })
+        model.view = View::new(cameras, tip_at_hard_stop_m, &robot.observation);
+        model.with_listed(robot)
+    }
+
+    /// Of a robot file that need not be complete, seen by nothing, without what it lists.
+    pub(super) fn bare(robot: &Robot) -> Self {
+        let mut robot = robot.clone();
+        robot.effects.clear();
+        let view = View::new(None, Vector3::zeros(), &Observation::default());
+        Self { robot, motors: Vec::new(), drives: [Drive::default(); 3], view }
+    }
+
+    /// With the effects that `robot` lists.
+    pub(super) fn with_listed(mut self, robot: &Robot) -> Result<Self> {
+        for listed in &robot.effects {
+            let (sited, values) = Sited::from_listed(robot, listed)?;
+            self = self.with_values(&sited, &values);
+        }
+        Ok(self)
     }
 
     /// Builds an effect in, at `u` of each of its parameters (see [`super::Parameter`]).
     #[must_use]
-    pub fn with(mut self, sited: &Sited, u: &[f64]) -> Self {
+    pub fn with(self, sited: &Sited, u: &[f64]) -> Self {
         let values: Vec<f64> = sited.effect.parameters.iter().zip(u).map(|(parameter, &u)| parameter.value(u, sited.measure)).collect();
-        (sited.effect.act)(&mut self, sited.place, &values);
+        self.with_values(sited, &values)
+    }
+
+    /// Builds an effect in, with values in the units of its parameters.
+    #[must_use]
+    pub fn with_values(mut self, sited: &Sited, values: &[f64]) -> Self {
+        (sited.effect.act)(&mut self, sited.place, values);
         self
     }
 
     /// The motors' side as an arm's cables have it.
     #[must_use]
     pub fn motors(&self, arm: &Arm, recorded: &MotorTrack) -> MotorTrack {
-        let transmission = &arm.transmission;
-        let tension_n = |_: f64, motor: &Vector3<f64>, rate: &Vector3<f64>| {
-            let way = arm.rubbing(&transmission.joint_rate_from_motor(rate));
-            let drag = Vector3::from_fn(|j, _| arm.link_friction[j].coulomb * way[j]);
-            transmission.tension_n(&(arm.dynamics.bias(&transmission.joint_from_motor(motor), &Vector3::zeros()) + drag))
-        };
-        self.wound(&Cables { transmission, stiffness_n: arm.cables.map(|cable| cable.stiffness), tension_n: &tension_n }, recorded)
-    }
-
-    /// The motors' side as cables have it.
-    #[must_use]
-    pub fn wound(&self, cables: &Cables, recorded: &MotorTrack) -> MotorTrack {
-        let mut track = recorded.clone();
-        self.motors.iter().for_each(|law| law(cables, &mut track));
-        track
+        wound(&self.motors, arm, recorded)
     }
 
     /// A joint's motor, one without inertia and friction where the file has none.

@@ -105,6 +105,33 @@ impl Parameter {
         })
     }
 
+    /// What such hardware can have at most: beyond it a value is in another unit.
+    #[must_use]
+    pub fn range(&self, measure: Measure) -> [f64; 2] {
+        /// Typical sizes that are still believed.
+        const REACH: f64 = 40.0;
+        /// And factors.
+        const FACTOR: f64 = 1e4;
+        let factor = |size: f64| (REACH * size).exp().min(FACTOR);
+        match self.scale {
+            Scale::Offset(size) => [-REACH * self.size(size, measure), REACH * self.size(size, measure)],
+            Scale::Factor(size) => [1.0 / factor(size), factor(size)],
+            Scale::Magnitude(size) => [0.0, REACH * self.size(size, measure)],
+            Scale::Shape { middle, size } => [middle / factor(size), middle * factor(size)].map(|limit| limit * measure.times(self.unit)),
+            Scale::Moment => [0.0, 1.0],
+        }
+    }
+
+    /// The value that a shape or a second factor has where nothing is said of it; nothing where it must be said.
+    #[must_use]
+    pub fn usual(&self) -> Option<f64> {
+        match self.scale {
+            Scale::Factor(_) => Some(1.0),
+            Scale::Shape { middle, .. } => Some(middle),
+            _ => None,
+        }
+    }
+
     /// Unit in a report.
     #[must_use]
     pub fn unit_at(&self, measure: Measure) -> &'static str {

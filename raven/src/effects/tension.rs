@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::Cables;
-use crate::robot::MotorTrack;
+use crate::robot::{Cables, MotorTrack};
 
 /// Time between evaluations of the load [s]: gravity changes little within it.
 const STRIDE_S: f64 = 0.01;

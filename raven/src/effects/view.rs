@@ -61,6 +61,21 @@ impl View {
         stamp_s - self.latency_s - self.drift * stamp_s
     }
 
+    /// The file's corrections that make up for latency and pose of this rig, once the tip at the hard stop is `tip_at_hard_stop_m`.
+    ///
+    /// Seen is `S(x) = R' (A x - p - t) + p`, with `A` the rig's motion in frame 0 and `R`, `t`, `p` the old correction; the new one has
+    /// `R_n = A_R' R` and puts `p_n` where `S^-1(p_n) = A^-1 (R (p_n - p) + p + t)` is.
+    #[must_use]
+    pub fn observation(&self, tip_at_hard_stop_m: &Vector3<f64>) -> Observation {
+        let look = self.look();
+        let moved = look.believed_from_base.inverse() * look.actual_from_base;
+        let (pivot, turn) = (self.tip_at_hard_stop_m, UnitQuaternion::from_scaled_axis(Vector3::from(self.correction.rotation)));
+        let corrected = turn * (tip_at_hard_stop_m - pivot) + pivot + Vector3::from(self.correction.translation);
+        let translation = moved.inverse_transform_point(&Point3::from(corrected)).coords - tip_at_hard_stop_m;
+        let rotation = (moved.rotation.inverse() * turn).scaled_axis();
+        Observation { latency: self.latency_s, rotation: rotation.into(), translation: translation.into() }
+    }
+
     /// A camera to see through, ready for many sightings.
     #[must_use]
     pub fn look(&self) -> Look<'_> {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::{Cable, Hysteresis, Kinematics, Link};
+use super::{Cable, Hysteresis, Kinematics, Link, ListedEffect};
 use crate::{Error, Result, files};
 
 /// One robot: the whole parameter file.
@@ -37,6 +37,9 @@ pub struct Robot {
     /// What calibration found out about the tip's observation.
     #[serde(default)]
     pub observation: Observation,
+    /// Effects that none of the numbers above can say.
+    #[serde(default)]
+    pub effects: Vec<ListedEffect>,
     /// Where each changed value came from.
     #[serde(default)]
     pub calibration: Vec<Provenance>,
@@ -366,7 +369,7 @@ impl Robot {
                 return Err(format!("links[{i}].inertia has a moment that is not positive; they are about the centre of mass."));
             }
         }
-        Ok(())
+        crate::effects::check_listed(self)
     }
 }
 

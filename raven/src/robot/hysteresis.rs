@@ -40,14 +40,15 @@ impl Default for Hysteresis {
 }
 
 impl Arm {
-    /// The motors' motion as it drives the links: behind the hysteresis of each cable, and behind the [play](super::stiction) of friction
-    /// that holds. After a pause there is no lag, as at the start.
+    /// The motors' motion as it drives the links: through the laws of the [listed effects](super::ListedEffect), behind the hysteresis of
+    /// each cable, and behind the [play](super::stiction) of friction that holds. After a pause there is no lag, as at the start.
     #[must_use]
     pub fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        let none = self.hysteresis.iter().all(|h| h.half_loop == 0.0);
-        let wound = || behind_hysteresis(&self.hysteresis, &self.transmission.ratio, motor);
-        let wound = if none { Cow::Borrowed(motor) } else { Cow::Owned(wound()) };
-        if has_play(self) { Cow::Owned(behind_play(self, &wound)) } else { wound }
+        let mut driving = self.motor_laws.applied(self, motor);
+        if self.hysteresis.iter().any(|h| h.half_loop != 0.0) {
+            driving = Cow::Owned(behind_hysteresis(&self.hysteresis, &self.transmission.ratio, &driving));
+        }
+        if has_play(self) { Cow::Owned(behind_play(self, &driving)) } else { driving }
     }
 }
 

@@ -4,8 +4,10 @@ mod cable;
 mod dynamics;
 mod file;
 mod hysteresis;
+mod keys;
 mod kinematics;
 mod link_model;
+mod listed;
 pub mod nominal;
 mod rollout;
 pub mod stiction;
@@ -19,8 +21,10 @@ pub use file::{
     ViscousCoulomb,
 };
 pub use hysteresis::{Hysteresis, behind_hysteresis};
+pub use keys::Change;
 pub use kinematics::{ArmSide, Branch, Kinematics};
 pub use link_model::{LinkModel, LinkState, STICTION_SPEED, stiction_speed};
+pub use listed::{Cables, ListedEffect, MotorLaw, MotorLaws, TensionLaw, wound, wound_by};
 pub use rollout::{MotorTrack, PAUSE_MAX_S};
 pub use transmission::Transmission;
 
@@ -47,6 +51,8 @@ pub struct Arm {
     pub hysteresis: [Hysteresis; 3],
     /// Joint angles at which the encoders are set, rad, rad, m.
     pub hard_stop: nalgebra::Vector3<f64>,
+    /// What the listed effects make of recorded motors.
+    pub motor_laws: MotorLaws,
 }
 
 impl Arm {
@@ -75,7 +81,7 @@ impl Robot {
     /// The arm of a robot of kind `raven`.
     ///
     /// # Errors
-    /// If the file describes a bench, or lacks a joint, a cable, a motor or a link.
+    /// If the file describes a bench, or lacks a joint, a cable, a motor or a link, or lists an effect that there is not.
     pub fn arm(&self) -> Result<Arm> {
         let wrong =
             |what: &str| Error::Data(format!("robot `{}`: {what}, but a Raven arm needs it; compare the nominal robot file.", self.name));
@@ -107,6 +113,7 @@ impl Robot {
             limits,
             hysteresis: std::array::from_fn(|j| joints[j].hysteresis),
             hard_stop: nalgebra::Vector3::from_fn(|j, _| joints[j].hard_stop),
+            motor_laws: crate::effects::motor_laws(self)?,
         })
     }
 
@@ -153,55 +160,6 @@ impl Robot {
             let names: Vec<&str> = self.joints.iter().map(|j| j.name.as_str()).collect();
             Error::Argument(format!("robot `{}` has no joint `{name}`; it has {}.", self.name, names.join(", ")))
         })
-    }
-
-    /// The robot as it was before anything was identified: what its controller believed when the logs were recorded.
-    #[must_use]
-    pub fn before_calibration(&self) -> Self {
-        let mut robot = self.clone();
-        for change in std::mem::take(&mut robot.calibration) {
-            if let Some(value) = robot.value_mut(&change.key) {
-                *value = change.prior;
-            }
-        }
-        for joint in &mut robot.joints {
-            joint.motor_at_hard_stop = None;
-        }
-        robot.observation = Observation::default();
-        robot
-    }
-
-    /// The number at a key as [`Provenance`] writes it, such as `joints.shoulder.link_pulley_radius` or `cable_coupling.shoulder.elbow`.
-    pub fn value_mut(&mut self, key: &str) -> Option<&mut f64> {
-        let parts: Vec<&str> = key.split('.').collect();
-        match parts.as_slice() {
-            ["joints", name, rest @ ..] => {
-                let joint = self.joints.iter_mut().find(|j| j.name == *name)?;
-                match rest {
-                    ["gear_ratio"] => Some(&mut joint.gear_ratio),
-                    ["motor_capstan_radius"] => Some(&mut joint.motor_capstan_radius),
-                    ["link_pulley_radius"] => Some(&mut joint.link_pulley_radius),
-                    ["hard_stop"] => Some(&mut joint.hard_stop),
-                    ["hysteresis", "half_loop"] => Some(&mut joint.hysteresis.half_loop),
-                    ["hysteresis", "length"] => Some(&mut joint.hysteresis.length),
-                    ["cable", "stiffness"] => joint.cable.as_mut().map(|c| &mut c.stiffness),
-                    ["cable", "damping"] => joint.cable.as_mut().map(|c| &mut c.damping),
-                    ["motor", "inertia"] => joint.motor.as_mut().map(|m| &mut m.inertia),
-                    ["motor", "coulomb_friction"] => joint.motor.as_mut().map(|m| &mut m.coulomb_friction),
-                    ["motor", "viscous_friction"] => joint.motor.as_mut().map(|m| &mut m.viscous_friction),
-                    ["link_friction", "coulomb"] => joint.link_friction.as_mut().map(|f| &mut f.coulomb),
-                    ["link_friction", "viscous"] => joint.link_friction.as_mut().map(|f| &mut f.viscous),
-                    _ => None,
-                }
-            }
-            ["cable_coupling", from, to] => {
-                self.cable_coupling.iter_mut().find(|c| c.from == *from && c.to == *to).map(|c| &mut c.coefficient)
-            }
-            ["observation", "latency"] => Some(&mut self.observation.latency),
-            ["observation", "rotation", axis] => self.observation.rotation.get_mut(axis.parse::<usize>().ok()?),
-            ["observation", "translation", axis] => self.observation.translation.get_mut(axis.parse::<usize>().ok()?),
-            _ => None,
-        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::{Hysteresis, Joint, JointType, KinematicsKind, Observation, Provenance, Robot, SourceFormat};
+use super::{Hysteresis, Joint, JointType, KinematicsKind, ListedEffect, Observation, Provenance, Robot, SourceFormat};
 use crate::files::{self, yaml_float, yaml_list as list, yaml_string};
 use crate::{Result, robot::ArmSide};
 
@@ -76,6 +76,10 @@ impl Robot {
         if self.observation != Observation::default() {
             line(observation_yaml(&self.observation));
         }
+        if !self.effects.is_empty() {
+            line("effects:              # what no number above can say; raven-diagnose names them".to_owned());
+        }
+        self.effects.iter().for_each(|effect| line(listed_yaml(effect)));
         if !self.calibration.is_empty() {
             line("calibration:".to_owned());
         }
@@ -167,6 +171,12 @@ fn observation_yaml(observation: &Observation) -> String {
         list(&observation.rotation),
         list(&observation.translation)
     )
+}
+
+fn listed_yaml(effect: &ListedEffect) -> String {
+    let joint = effect.joint.as_ref().map_or_else(String::new, |joint| format!(", joint: {}", yaml_string(joint)));
+    let values: Vec<String> = effect.values.iter().map(|(name, &value)| format!("{name}: {}", yaml_float(value))).collect();
+    format!("  - {{id: {}{joint}, values: {{{}}}}}", yaml_string(&effect.id), values.join(", "))
 }
 
 fn provenance_yaml(change: &Provenance) -> String {

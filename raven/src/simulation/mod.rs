@@ -9,6 +9,7 @@ mod effect;
 mod film;
 mod folder;
 mod friction;
+mod listed;
 mod lot;
 mod machine;
 mod motion;

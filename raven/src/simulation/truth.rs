@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::effect::{Effect, EffectKind};
+use super::listed::listed;
 use super::machine::Machine;
 use super::off_nominal::deviations;
 use super::options::Options;
@@ -88,7 +89,7 @@ impl Truth {
         };
         effects.extend_from_slice(&options.effects);
         let deviations = deviations(robot, options.off_nominal, &effects, &mut stream(seed, "off nominal"));
-        let departures = [&effects[..], &deviations[..]].concat();
+        let departures = [&listed(robot)?[..], &effects[..], &deviations[..]].concat();
         let mut machine = Machine::new(robot, &departures)?;
         if let Some(outside) = &options.outside {
             machine = machine.with_outside(robot, outside)?;

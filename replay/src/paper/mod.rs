@@ -115,7 +115,7 @@ const NINE: Settings = Settings { filter: FilterKind::Bias, occlude: 0.0, occlus
 fn tuning(robot: &Robot, folder: &Path) -> Result<(Friction, Wander)> {
     let recording = read(&folder.join("fls.mcap"), robot)?;
     let arm = robot.arm()?;
-    let tips = recording.tips(&arm, &robot.observation)?;
+    let tips = recording.tips(robot)?;
     let states = BiasStates::tuned(&arm, &recording.motor_track()?, &tips);
     Ok((states.friction, states.wander))
 }

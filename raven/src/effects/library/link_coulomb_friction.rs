@@ -26,9 +26,11 @@ pub const EFFECT: Effect = Effect {
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
             // More friction takes more speed to build up: its slope at rest is the bearing's. One much steeper than the model's looks the
-            // same, and takes ever smaller steps.
+            // same, and takes ever smaller steps. A file that leaves the speed to the model goes on doing so.
             let slope = values[1].min(STEEPEST);
-            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) * values[0] / slope);
+            if values[0] != slope {
+                friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) * values[0] / slope);
+            }
         }
     },
 };

@@ -1,0 +1,121 @@
+//! What `--add-effect` takes of a report `raven-diagnosis/1`. Other keys are ignored.
+
+use std::path::{Path, PathBuf};
+
+use raven::effects::Sited;
+use raven::{Error, Result, files};
+use serde::Deserialize;
+
+/// A report.
+#[derive(Debug)]
+pub struct Diagnosis {
+    path: PathBuf,
+    effects: Vec<Blamed>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Report {
+    format: String,
+    #[serde(default)]
+    effects: Vec<Blamed>,
+}
+
+/// A blamed effect.
+#[derive(Debug, Deserialize)]
+pub struct Blamed {
+    id: String,
+    /// Joint, `from->to`, `12` or `23`; none for the whole.
+    pub joint: Option<String>,
+    #[serde(default)]
+    parameters: Vec<Estimate>,
+}
+
+/// One of its numbers.
+#[derive(Debug, Deserialize)]
+struct Estimate {
+    name: String,
+    value: f64,
+    #[serde(default)]
+    std: f64,
+    #[serde(default)]
+    unit: Option<String>,
+}
+
+impl Diagnosis {
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// If it cannot be read or is none.
+    pub fn read(path: &Path) -> Result<Self> {
+        let wrong = |what: String| Error::file(path, format!("{what}; expected a report that raven-diagnose --json wrote."));
+        let report: Report = serde_json::from_str(&files::read_text(path)?).map_err(|e| wrong(format!("it is no report: {e}")))?;
+        if report.format != "raven-diagnosis/1" {
+            return Err(wrong(format!("format is `{}` and not `raven-diagnosis/1`", report.format)));
+        }
+        Ok(Self { path: path.to_owned(), effects: report.effects })
+    }
+
+    /// The blamed effect of an identifier, at a joint if one is given.
+    ///
+    /// # Errors
+    /// If it is not blamed, or at several joints.
+    pub fn find(&self, id: &str, joint: Option<&str>) -> Result<&Blamed> {
+        let found: Vec<&Blamed> = self.effects.iter().filter(|e| e.id == id && (joint.is_none() || e.joint.as_deref() == joint)).collect();
+        let names = |effects: &mut dyn Iterator<Item = &Blamed>| effects.map(Blamed::name).collect::<Vec<_>>().join(", ");
+        let wrong = |message: String| Err(Error::file(&self.path, message));
+        match found[..] {
+            [only] => Ok(only),
+            [] if self.effects.is_empty() => wrong(format!("effects is empty: the report blames nothing, so it has no values for {id}.")),
+            [] => {
+                let at = joint.map_or_else(String::new, |joint| format!(":{joint}"));
+                let blamed = names(&mut self.effects.iter());
+                wrong(format!("{id}{at} is not among its effects, which are {blamed}; add one of them, or give the values after `=`."))
+            }
+            _ => wrong(format!("{id} is among its effects at several places; write one of {}.", names(&mut found.iter().copied()))),
+        }
+    }
+
+    /// Values and standard deviations of a blamed effect, in the order and units of the library.
+    ///
+    /// # Errors
+    /// If one is missing, or in a unit that is not known.
+    pub fn values(&self, blamed: &Blamed, sited: &Sited) -> Result<(Vec<f64>, Vec<f64>)> {
+        let measure = sited.measure;
+        let both = |parameter: &raven::effects::Parameter| {
+            let wrong = |message: String| Error::file(&self.path, format!("effects, {}: {message}", blamed.name()));
+            match (blamed.parameters.iter().find(|estimate| estimate.name == parameter.name), parameter.usual()) {
+                (Some(estimate), _) => {
+                    let expected = parameter.unit_at(measure);
+                    let unit = estimate.unit.as_deref().unwrap_or(expected);
+                    let scale = scale(unit, expected).ok_or_else(|| {
+                        wrong(format!("`{}` is in {unit}, expected {expected}; give the value after `=`.", parameter.name))
+                    })?;
+                    Ok((scale * estimate.value, (scale * estimate.std).abs()))
+                }
+                (None, Some(usual)) => Ok((usual, 0.0)),
+                (None, None) => Err(wrong(format!("it has no parameter `{}`; give the values after `=`.", parameter.name))),
+            }
+        };
+        sited.effect.parameters.iter().map(both).collect::<Result<Vec<_>>>().map(|pairs| pairs.into_iter().unzip())
+    }
+}
+
+impl Blamed {
+    fn name(&self) -> String {
+        self.joint.as_ref().map_or_else(|| self.id.clone(), |joint| format!("{}:{joint}", self.id))
+    }
+}
+
+/// What takes a unit of a report to that of the library.
+fn scale(unit: &str, expected: &str) -> Option<f64> {
+    match (unit, expected) {
+        _ if unit == expected => Some(1.0),
+        ("deg", "rad") => Some(std::f64::consts::PI / 180.0),
+        ("mm", "m") | ("ms", "s") => Some(1e-3),
+        ("%", "1") => Some(1e-2),
+        ("ppm", "s/s") => Some(1e-6),
+        // What the library calls by the kind of the joint: rad/rad or m/rad of a coupling.
+        ("rad/rad" | "m/rad", "joint/rad") => Some(1.0),
+        _ => None,
+    }
+}

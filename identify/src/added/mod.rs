@@ -1,0 +1,140 @@
+//! `raven-identify --add-effect`: effects that a diagnosis named, put into the robot file. The model of the new file is the old one's with
+//! the effects built in; nothing is estimated here.
+
+mod diagnosis;
+mod request;
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+
+use raven::camera::Cameras;
+use raven::cli::{self, Outcome};
+use raven::effects::Sited;
+use raven::robot::{Change, Provenance, Robot};
+use raven::{Error, Result};
+use serde_json::json;
+
+use crate::args::Identify;
+use diagnosis::Diagnosis;
+use request::Request;
+
+/// An effect with its values and their standard deviations, in the order of its parameters and in their units. Values that were given by
+/// hand have none: 0.
+struct Sized {
+    sited: Sited,
+    values: Vec<f64>,
+    stds: Vec<f64>,
+}
+
+/// Writes the robot file with the effects in it.
+///
+/// # Errors
+/// With a sentence, if an effect is unknown, not in the diagnosis, at no such joint, beyond what hardware can have, or belongs to the
+/// cameras; or if a file cannot be read or written.
+pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
+    let output = args.output.as_deref().ok_or_else(|| Error::Argument("-o is missing: the robot file to write.".to_owned()))?;
+    let before = Robot::read(args.robot()?)?;
+    let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
+    let diagnosis = args.diagnosis.as_deref().map(Diagnosis::read).transpose()?;
+    let mut robot = before.clone();
+    for text in &args.add_effect {
+        let sized = Request::parse(text)?.sized(&robot, diagnosis.as_ref())?;
+        robot = added(&robot, cameras.as_ref(), &sized)?;
+        if sized.sited.effect.id == "missed-counts" {
+            cli::warn("missed-counts: its moment is a part of one recording's length; the new file is for that recording alone.");
+        }
+    }
+    // What is written must be readable: the sentence about a number that is not comes from reading it.
+    Robot::parse(output, &robot.to_yaml())?;
+    if output.as_os_str() == "-" {
+        return crate::print(out, &robot.to_yaml()).map(|()| Outcome::Done);
+    }
+    robot.write(output)?;
+    let changes = before.changes_to(&robot);
+    let listed = &robot.effects[before.effects.len()..];
+    if let Some(path) = &args.json {
+        let change = |c: &Change| json!({"key": c.key, "unit": c.unit, "before": c.before, "after": c.after});
+        let entry = |e: &raven::robot::ListedEffect| json!({"id": e.id, "joint": e.joint, "values": e.values});
+        let (changes, listed): (Vec<_>, Vec<_>) = (changes.iter().map(change).collect(), listed.iter().map(entry).collect());
+        cli::write_json(path, &json!({"changes": changes, "effects": listed}))?;
+    }
+    if args.json.as_deref() != Some(Path::new("-")) {
+        crate::print(out, &table(&changes, listed))?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// The robot with an effect, and where each changed number came from.
+fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robot> {
+    let Sized { sited, values, stds } = sized;
+    let mut new = sited.added_to(robot, cameras, values)?;
+    let measure = sited.measure;
+    // What a change of one parameter makes of a number: its deviation by each, and what was known of it before.
+    let moved = |key: &str, values: &[f64]| -> Result<f64> {
+        Ok(sited.added_to(robot, cameras, values)?.value_mut(key).copied().unwrap_or_default())
+    };
+    let mut lines = Vec::new();
+    for Change { key, unit, before, after } in robot.changes_to(&new) {
+        let Some(prior) = before else { continue };
+        let (mut variance, mut prior_variance) = (0.0, 0.0);
+        for (k, parameter) in sited.effect.parameters.iter().enumerate() {
+            if stds[k] > 0.0 {
+                let mut off = values.clone();
+                // Inwards, where a value cannot grow.
+                off[k] += if values[k] + stds[k] > parameter.range(measure)[1] { -stds[k] } else { stds[k] };
+                variance += (moved(&key, &off)? - after).powi(2);
+            }
+            let u = parameter.tolerance_u(robot, sited.place, measure).unwrap_or(1.0);
+            let mut at_spike: Vec<f64> = sited.effect.parameters.iter().map(|p| p.value(0.0, measure)).collect();
+            at_spike[k] = parameter.value(u, measure);
+            prior_variance += (moved(&key, &at_spike)? - prior).powi(2);
+        }
+        lines.push(Provenance {
+            parameter: key.replace('.', "_"),
+            key,
+            unit: unit.to_owned(),
+            value: after,
+            std: variance.sqrt(),
+            prior,
+            prior_std: prior_variance.sqrt(),
+            identified: true,
+            method: format!("effect {}", name(sited, robot)),
+            logs: Vec::new(),
+            sha256: Vec::new(),
+        });
+    }
+    // Newest first: undoing them in order ends at the oldest prior.
+    new.calibration.splice(0..0, lines);
+    Ok(new)
+}
+
+/// `ID` or `ID:JOINT`.
+fn name(sited: &Sited, robot: &Robot) -> String {
+    sited.joint(robot).map_or_else(|| sited.effect.id.to_owned(), |joint| format!("{}:{joint}", sited.effect.id))
+}
+
+fn table(changes: &[Change], listed: &[raven::robot::ListedEffect]) -> String {
+    let mut text = String::new();
+    if !changes.is_empty() {
+        let _ = writeln!(text, "{:<42} {:<8} {:>14} {:>14}", "number", "unit", "before", "after");
+    }
+    for Change { key, unit, before, after } in changes {
+        let before = before.map_or_else(|| "-".to_owned(), figure);
+        let _ = writeln!(text, "{key:<42} {unit:<8} {before:>14} {:>14}", figure(*after));
+    }
+    for effect in listed {
+        let joint = effect.joint.as_ref().map_or_else(String::new, |joint| format!(" {joint}"));
+        let values: Vec<String> = effect.values.iter().map(|(name, value)| format!("{name} {}", figure(*value))).collect();
+        let _ = writeln!(text, "listed in effects: {}{joint}, {}", effect.id, values.join(", "));
+    }
+    if text.is_empty() {
+        text.push_str("Nothing changed: these values are those of the file.\n");
+    }
+    text
+}
+
+/// Six figures.
+fn figure(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e6).contains(&value.abs()) { format!("{value:.6}") } else { format!("{value:.5e}") }
+}

@@ -1,0 +1,122 @@
+//! Effects that a report names, put into the robot file from the command line.
+
+use std::path::{Path, PathBuf};
+
+use approx::assert_relative_eq;
+use clap::Parser;
+use raven::robot::{Robot, nominal};
+use raven_identify::{Args, run};
+use serde_json::json;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        nominal::gold().write(&folder.path("robot.yaml")).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// `raven-identify` with `{file}` in the folder.
+    fn identify(&self, arguments: &str) -> Result<String, String> {
+        let word = |word: &str| match word.strip_prefix('{').and_then(|word| word.strip_suffix('}')) {
+            Some(name) => self.path(name).display().to_string(),
+            None => word.to_owned(),
+        };
+        let typed = std::iter::once("raven-identify".to_owned()).chain(arguments.split_whitespace().map(word));
+        let mut out = Vec::new();
+        run(Args::try_parse_from(typed).map_err(|e| e.to_string())?, &mut out).map_err(|e| e.to_string())?;
+        Ok(String::from_utf8(out).unwrap())
+    }
+
+    fn report(&self, effects: &serde_json::Value) {
+        let report = json!({"format": "raven-diagnosis/1", "verdict": "explained", "effects": effects, "gap": []});
+        std::fs::write(self.path("report.json"), report.to_string()).unwrap();
+    }
+
+    fn robot(&self, name: &str) -> Robot {
+        Robot::read(&self.path(name)).unwrap()
+    }
+}
+
+fn blamed(id: &str, joint: Option<&str>, parameters: &[(&str, f64, f64, &str)]) -> serde_json::Value {
+    let parameter = |&(name, value, std, unit): &(&str, f64, f64, &str)| json!({"name": name, "value": value, "std": std, "unit": unit});
+    let parameters: Vec<_> = parameters.iter().map(parameter).collect();
+    json!({"id": id, "joint": joint, "probability": 0.99, "evidence_nats": 800.0, "parameters": parameters, "ties": []})
+}
+
+#[test]
+fn values_come_from_the_report() {
+    let folder = Folder::new();
+    folder.report(&json!([
+        blamed("pulley-radius", Some("shoulder"), &[("relative_error", -0.05, 4e-4, "1")]),
+        blamed("joint-offset", Some("elbow"), &[("offset", 1.0, 0.1, "deg")]),
+        blamed("creep", Some("elbow"), &[("ratio", 2.5, 0.2, "1"), ("time", 30.0, 5.0, "s")]),
+    ]));
+    let typed = "--add-effect pulley-radius --add-effect joint-offset:elbow --add-effect creep --diagnosis {report.json} \
+                 --robot {robot.yaml} -o {new.yaml}";
+    folder.identify(typed).unwrap();
+    let (old, new) = (nominal::gold(), folder.robot("new.yaml"));
+    let radius_m = old.joints[0].link_pulley_radius;
+    assert_relative_eq!(new.joints[0].link_pulley_radius, 0.95 * radius_m, epsilon = 1e-12);
+    assert_relative_eq!(new.joints[1].hard_stop, old.joints[1].hard_stop + 1_f64.to_radians(), epsilon = 1e-12);
+    assert_eq!((new.effects[0].id.as_str(), new.effects[0].joint.as_deref()), ("creep", Some("elbow")));
+    assert_eq!(new.effects[0].values["time"], 30.0);
+    // A deviation of the effect's number is one of the file's.
+    let radius = new.calibration.iter().find(|line| line.key == "joints.shoulder.link_pulley_radius").unwrap();
+    assert_relative_eq!(radius.std, 4e-4 * radius_m, epsilon = 1e-9);
+    assert_relative_eq!(radius.prior_std, old.tolerances.radius * radius_m, epsilon = 1e-9);
+    // What the controller believed is what the old file says.
+    let believed = |robot: &Robot| robot.before_calibration().arm().unwrap().transmission;
+    assert_eq!(believed(&new), believed(&old));
+    assert_eq!(new.arm().unwrap().transmission.motor_at_hard_stop, old.arm().unwrap().transmission.motor_at_hard_stop);
+}
+
+#[test]
+fn what_the_report_does_not_say_is_a_sentence() {
+    let folder = Folder::new();
+    let ask = |effect: &str| {
+        folder.identify(&format!("--add-effect {effect} --diagnosis {{report.json}} --robot {{robot.yaml}} -o {{new.yaml}}")).unwrap_err()
+    };
+    folder.report(&json!([]));
+    assert!(ask("creep").contains("blames nothing"));
+    let slip = |joint| blamed("cable-slip", Some(joint), &[("force", 9.0, 1.0, "N"), ("fraction", 1.0, 0.1, "furlong")]);
+    folder.report(&json!([slip("elbow"), slip("shoulder"), blamed("creep", Some("elbow"), &[("time", 30.0, 5.0, "s")])]));
+    for (effect, about) in [
+        ("payload", "payload is not among its effects, which are cable-slip:elbow, cable-slip:shoulder, creep:elbow"),
+        ("cable-slip", "at several places; write one of cable-slip:elbow, cable-slip:shoulder"),
+        ("cable-slip:elbow", "`fraction` is in furlong, expected 1"),
+        ("creep", "no parameter `ratio`"),
+    ] {
+        let error = ask(effect);
+        assert!(error.contains(about) && error.contains("report.json"), "{error}");
+    }
+    std::fs::write(folder.path("report.json"), r#"{"format": "raven-diagnosis/2"}"#).unwrap();
+    assert!(ask("creep").contains("`raven-diagnosis/2`"));
+    assert!(!folder.path("new.yaml").exists());
+}
+
+#[test]
+fn a_number_beyond_the_file_is_a_sentence_and_no_file() {
+    let folder = Folder::new();
+    let error = folder.identify("--add-effect payload=7 --add-effect stereo-scale=0.01 --robot {robot.yaml} -o {new.yaml}").unwrap_err();
+    assert!(error.contains("stereo-scale belongs to the cameras"), "{error}");
+    let error = folder.identify("--add-effect joint-offset:insertion=40 --robot {robot.yaml} -o {new.yaml}").unwrap_err();
+    assert!(error.contains("`offset` is 40") && error.contains(" m. Is it in SI units?"), "{error}");
+    assert!(!folder.path("new.yaml").exists());
+}
+
+/// An exported file carries the number that was diagnosed, and says that the list stays behind.
+#[test]
+fn an_added_radius_is_exported() {
+    let folder = Folder::new();
+    let typed = "--add-effect pulley-radius:shoulder=-0.05 --add-effect missed-counts:elbow=1000,0.5 --robot {robot.yaml} -o {new.yaml}";
+    folder.identify(typed).unwrap();
+    folder.identify("export {new.yaml} --format rosparam -o {rosparam.yaml}").unwrap();
+    let text = std::fs::read_to_string(Path::new(&folder.path("rosparam.yaml"))).unwrap();
+    assert!(text.contains("link_pulley_radius: 0.05994"), "{text}");
+}

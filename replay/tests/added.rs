@@ -1,0 +1,113 @@
+//! The loop is closed: an effect that a lab hides makes a gap, and the gap goes once the effect is in the robot file.
+
+use std::path::Path;
+
+use raven::cli::Outcome;
+use raven::log::Recording;
+use raven::robot::{Robot, nominal};
+use raven_replay::chain::{self, Chain, Program};
+
+/// Runs `name arguments`, `{file}` being in the folder.
+fn step(folder: &Path, name: &str, program: Program, arguments: &str) {
+    let mut nowhere = Vec::new();
+    let typed = Chain::new(folder, &mut nowhere).typed(name, arguments);
+    let mut printed = Vec::new();
+    let outcome = program(&typed, &mut printed).unwrap_or_else(|error| panic!("{typed:?}: {error}"));
+    assert!(matches!(outcome, Outcome::Done), "{typed:?}");
+}
+
+fn json(folder: &Path, name: &str) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(folder.join(name)).unwrap()).unwrap()
+}
+
+/// Mean square of what is between a recording and a robot file, at the tip for `raven-diagnose` [mm^2] and at a joint against its encoder
+/// for `raven-replay`'s transmission kinematics [deg^2, mm^2].
+fn gaps(folder: &Path, log: &str, robot: &str, joint: usize) -> [f64; 2] {
+    step(folder, "raven-diagnose", chain::diagnose, &format!("{{{log}}} --robot {{{robot}}} --json {{gap.json}}"));
+    step(folder, "raven-replay", chain::replay, &format!("{{{log}}} --robot {{{robot}}} --json {{replay.json}}"));
+    let gap = json(folder, "gap.json");
+    let tip = gap["gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "tip").unwrap()["model"].as_f64().unwrap();
+    let kinematic = json(folder, "replay.json")["joints"][joint]["rms_kinematic_identified"].as_f64().unwrap();
+    [tip * tip, kinematic * kinematic]
+}
+
+/// Hides `hidden` in a lab, puts `added` into the robot file, and gives the part of the excess gap that is left, of the two [`gaps`].
+fn left_over(hidden: &str, added: &str, joint: usize) -> [f64; 2] {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    nominal::gold().write(&at.join("robot.yaml")).unwrap();
+    let simulate = |robot: &str, effect: &str, log: &str| {
+        let arguments = format!("simulate --robot {{{robot}}} --motion rich --duration 40 {effect} -o {{{log}}}");
+        step(at, "raven-capture", chain::capture, &arguments);
+    };
+    simulate("robot.yaml", "", "null.mcap");
+    simulate("robot.yaml", &format!("--effect {hidden}"), "log.mcap");
+    step(at, "raven-identify", chain::identify, &format!("--add-effect {added} --robot {{robot.yaml}} -o {{new.yaml}}"));
+    let [null, before, after] =
+        [("null.mcap", "robot.yaml"), ("log.mcap", "robot.yaml"), ("log.mcap", "new.yaml")].map(|(log, robot)| gaps(at, log, robot, joint));
+
+    // The user's own simulation now shows what the recording shows.
+    let listed = Robot::read(&at.join("new.yaml")).unwrap();
+    if !listed.effects.is_empty() {
+        simulate("new.yaml", "", "own.mcap");
+        let tips = |log: &str| Recording::read(&at.join(log), &(&listed).into()).unwrap().tip;
+        let (recorded, own) = (tips("log.mcap"), tips("own.mcap"));
+        assert_eq!(recorded.len(), own.len());
+        let apart_m = recorded.iter().zip(&own).map(|(a, b)| (a.position_m - b.position_m).norm()).filter(|m| m.is_finite());
+        assert!(apart_m.fold(0.0, f64::max) < 1e-6, "{hidden}: the own simulation is another robot's");
+    }
+    std::array::from_fn(|k| {
+        println!("{hidden}, gap {k} squared: without {:.5}, before {:.5}, after {:.5}", null[k], before[k], after[k]);
+        (after[k] - null[k]) / (before[k] - null[k])
+    })
+}
+
+#[test]
+fn a_hidden_eccentricity_goes_once_it_is_in_the_file() {
+    let (sine, cosine) = (4e-4 * 0.7_f64.cos(), 4e-4 * 0.7_f64.sin());
+    let left = left_over("pulley-eccentricity:elbow=0.0004,0.7", &format!("pulley-eccentricity:elbow={sine},{cosine}"), 1);
+    assert!(left.iter().all(|left| *left < 0.1), "{left:?}");
+}
+
+#[test]
+fn missed_counts_go_once_they_are_in_the_file() {
+    let left = left_over("missed-counts:shoulder=3000,0.4", "missed-counts:shoulder=3000,0.4", 0);
+    assert!(left.iter().all(|left| *left < 0.1), "{left:?}");
+}
+
+/// Creep that has settled before the recording starts, as the model takes it to have: the lab moves to the start for 3.5 s.
+#[test]
+fn creep_goes_once_it_is_in_the_file() {
+    let left = left_over("creep:insertion=20,2", "creep:insertion=20,2", 2);
+    assert!(left.iter().all(|left| *left < 0.1), "{left:?}");
+}
+
+#[test]
+fn a_pulley_goes_once_it_is_in_the_file() {
+    let left = left_over("pulley-radius:shoulder=-0.05", "pulley-radius:shoulder=-0.05", 0);
+    assert!(left.iter().all(|left| *left < 0.1), "{left:?}");
+}
+
+/// The clock is the cameras': transmission kinematics knows nothing of it.
+#[test]
+fn a_drifting_clock_goes_once_it_is_in_the_file() {
+    let [tip, _] = left_over("clock-drift=0.001", "clock-drift=0.001", 0);
+    assert!(tip < 0.1, "{tip}");
+}
+
+#[test]
+fn replay_says_what_it_leaves_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    nominal::gold().write(&at.join("robot.yaml")).unwrap();
+    step(at, "raven-identify", chain::identify, "--add-effect stereo-desync=0.01 --robot {robot.yaml} -o {new.yaml}");
+    step(at, "raven-capture", chain::capture, "simulate --motion rich --duration 5 -o {log.mcap}");
+    let typed = ["raven-replay", "{log.mcap} --robot {new.yaml} --json {replay.json}"];
+    let mut nowhere = Vec::new();
+    let typed = Chain::new(at, &mut nowhere).typed(typed[0], typed[1]);
+    let mut printed = Vec::new();
+    chain::replay(&typed, &mut printed).unwrap();
+    let printed = String::from_utf8(printed).unwrap();
+    assert!(printed.contains("stereo-desync is in the robot file's list of effects and left out here"), "{printed}");
+    assert_eq!(json(at, "replay.json")["left_out"][0], "stereo-desync");
+}
