@@ -31,6 +31,7 @@ use crate::whereabouts::{Place, Whereabouts};
 ///
 ///   raven-diagnose tracked.mcap --robot robot.yaml --json report.json
 ///   raven-diagnose check blind/ --robot robot.yaml    # verdicts on sealed recordings, then the score; see check --help
+///   raven-diagnose effects                            # what it can name
 #[derive(Debug, Parser)]
 #[command(name = "raven-diagnose", version, verbatim_doc_comment)]
 pub struct Args {
@@ -78,6 +79,15 @@ struct ControllerDifference {
     joint: String,
     unit: &'static str,
     largest: f64,
+}
+
+/// Prints the library of effects, as `docs/effects.md` has it.
+///
+/// # Errors
+/// If nobody listens.
+pub fn print_library(out: &mut dyn Write) -> Result<Outcome> {
+    write!(out, "{}", raven::effects::document()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
+    Ok(Outcome::Done)
 }
 
 /// The verdict on one recording: what the blind check judges.

@@ -3,7 +3,7 @@
 //! A tip stamped `t` is where the robot had it at `t - latency`. There the joints rest where the cables hold them,
 //!
 //! ```text
-//! q = q_rigid(w) - (1 + C)^-1 x / r_l,   gamma(x) = (1 + C)'^-1 (G(q) + F_c tanh(qd / v_s)) / r_l
+//! q = q_rigid(w) - (1 + C)^-1 x / r_l,   gamma(x) = (1 + C)'^-1 (G(q) + F_c clip(qd / v_s)) / r_l
 //! ```
 //!
 //! with `w` the motors' motion behind the [hysteresis](raven::robot::Arm::driving) of each cable, and its direction for the friction's. At

@@ -56,9 +56,8 @@ fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
 }
 
 /// Well within the priors; forces, lengths and times short enough to show in this motion.
-fn values(sited: &Sited, robot: &Robot) -> Vec<f64> {
-    let kind = sited.joint_type(robot);
-    let value = |(p, u): (&Parameter, f64)| p.value(if matches!(p.scale, Scale::Shape { .. }) { -1.5 } else { u }, kind);
+fn values(sited: &Sited) -> Vec<f64> {
+    let value = |(p, u): (&Parameter, f64)| p.value(if matches!(p.scale, Scale::Shape { .. }) { -1.5 } else { u }, sited.measure);
     sited.effect.parameters.iter().zip([0.7, 0.4, -0.5]).map(value).collect()
 }
 
@@ -68,7 +67,7 @@ fn a_file_with_an_effect_predicts_what_the_model_with_it_does() {
     let nominal = predicted(&Model::new(&old, Some(&cameras)).unwrap());
     let (mut refused, mut idle) = (Vec::new(), Vec::new());
     for sited in Sited::all(&old) {
-        let (values, what) = (values(&sited, &old), format!("{} {:?}", sited.effect.id, sited.joint(&old)));
+        let (values, what) = (values(&sited), format!("{} {:?}", sited.effect.id, sited.joint(&old)));
         let new = match sited.added_to(&old, Some(&cameras), &values) {
             Ok(new) => new,
             Err(error) => {
@@ -100,7 +99,7 @@ fn an_arm_drives_its_links_through_listed_laws() {
     let (old, track) = (nominal::gold(), motors());
     for id in ["creep", "cable-slip", "pulley-eccentricity", "missed-counts"] {
         let sited = Sited::at(&old, id, Some("elbow")).unwrap();
-        let values = values(&sited, &old);
+        let values = values(&sited);
         let arm = sited.added_to(&old, None, &values).unwrap().arm().unwrap();
         let model = Model::new(&old, None).unwrap().with_values(&sited, &values);
         assert_eq!(*arm.driving(&track), model.motors(&old.arm().unwrap(), &track), "{id}");

@@ -5,6 +5,7 @@
 
 mod added;
 mod bench;
+mod document;
 pub mod library;
 mod listed;
 mod measure;
@@ -16,6 +17,7 @@ mod torque;
 mod view;
 
 pub use bench::{BenchModel, Driven, Tension};
+pub use document::document;
 pub use library::{ALL, AMOUNTS};
 pub use listed::{Home, clock_drift, within_images};
 pub(crate) use listed::{check_listed, motor_laws};

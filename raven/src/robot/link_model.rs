@@ -1,7 +1,7 @@
 //! Links behind their cables, driven by the motor angle: the state equation of the paper's filter (eqs. 2-6).
 //!
 //! ```text
-//! M(q) qdd = (1 + C)' r_l gamma(x, xdot) - C(q, qd) - G(q) - F_c tanh(qd / v_s) - F_v qd
+//! M(q) qdd = (1 + C)' r_l gamma(x, xdot) - C(q, qd) - G(q) - F_c clip(qd / v_s) - F_v qd
 //! ```
 //!
 //! The motor angle is measured, so it is an input; the state is `[q, qd]`, 6x1 [rad, rad, m, rad/s, rad/s, m/s].

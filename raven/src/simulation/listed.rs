@@ -41,10 +41,10 @@ mod tests {
         let robot = nominal::gold();
         for effect in ALL.iter().filter(|effect| effect.home() == Home::List) {
             let place = effect.places(&robot)[0];
-            let sited = Sited { effect, place };
-            let kind = sited.joint_type(&robot);
+            let sited = Sited::all(&robot).into_iter().find(|sited| sited.effect.id == effect.id && sited.place == place).unwrap();
             // Without a cosine an eccentricity has no phase.
-            let values: Vec<f64> = effect.parameters.iter().map(|p| if p.name == "cosine" { 0.0 } else { p.value(0.3, kind) }).collect();
+            let values: Vec<f64> =
+                effect.parameters.iter().map(|p| if p.name == "cosine" { 0.0 } else { p.value(0.3, sited.measure) }).collect();
             let listing = sited.added_to(&robot, None, &values).unwrap();
             let hidden =
                 Effect::new(EffectKind::all().find(|kind| kind.id() == effect.id).unwrap(), sited.joint(&robot).as_deref(), &values);

@@ -1,0 +1,91 @@
+//! The library as a document: `docs/effects.md`.
+
+use std::fmt::Write;
+
+use super::{ALL, Channel, Effect, Parameter, Scale, Scope, Stage};
+
+/// The library in Markdown, one section per stage.
+#[must_use]
+pub fn document() -> String {
+    let mut text = String::from(
+        "# Effect library\n\n\
+         What `raven-diagnose` can name, as it is in the code; `raven-diagnose effects` prints this page.\n\n\
+         A prior is what is believed of a number of the effect before a recording is looked at: `+- s` is a normal distribution, `x e^(+- s)` \
+         a factor whose logarithm has the deviation `s`, `>= 0, s` half a normal distribution. Where the nominal model has the number too, it \
+         is off by its tolerance in any case, and the effect is what goes beyond. Two sizes are of a revolute and a prismatic joint.\n",
+    );
+    let stages = [
+        (Stage::Encoder, "Encoder"),
+        (Stage::Motor, "Motor: torque to motor motion"),
+        (Stage::Transmission, "Transmission: motor to joint"),
+        (Stage::Link, "Loads on the links"),
+        (Stage::Kinematics, "Kinematics: joint to tip"),
+        (Stage::Camera, "Camera: tip to image"),
+        (Stage::Timing, "Timing"),
+    ];
+    for (stage, title) in stages {
+        let _ = write!(text, "\n## {title}\n");
+        ALL.iter().filter(|effect| effect.stage == stage).for_each(|effect| section(&mut text, effect));
+    }
+    text
+}
+
+fn section(text: &mut String, effect: &Effect) {
+    let per = match effect.scope {
+        Scope::Joint => "per joint",
+        Scope::Pair => "per pair of joints",
+        Scope::LinkAngle => "per link angle",
+        Scope::Robot => "of the robot",
+        Scope::Rig => "of the cameras",
+    };
+    let channels: Vec<&str> = effect.channels.iter().map(|channel| channel_name(*channel)).collect();
+    let _ = write!(text, "\n### {}\n\n{}; {per}. Shows in: {}.\n", effect.id, effect.summary, channels.join(", "));
+    let _ = write!(text, "\n| number | unit | prior |\n|---|---|---|\n");
+    for parameter in effect.parameters {
+        let _ = writeln!(text, "| {} | {} | {} |", parameter.name, unit(parameter), prior(parameter));
+    }
+    let ties: Vec<String> = effect.ties.iter().map(|tie| format!("{}{}", tie.id, if tie.exact { " (exact)" } else { "" })).collect();
+    if !ties.is_empty() {
+        let _ = write!(text, "\nLooks like: {}. ", ties.join(", "));
+    } else {
+        text.push('\n');
+    }
+    let _ = writeln!(text, "Told apart by: {}.", effect.separated_by);
+}
+
+fn channel_name(channel: Channel) -> &'static str {
+    match channel {
+        Channel::Torque => "motor torque",
+        Channel::Tip => "tip",
+    }
+}
+
+fn unit(parameter: &Parameter) -> &'static str {
+    if parameter.unit == "joint" { "rad, m" } else { parameter.unit }
+}
+
+fn prior(parameter: &Parameter) -> String {
+    let sizes = |size: super::Size| {
+        if size.revolute == size.prismatic { size.revolute.to_string() } else { format!("{}, {}", size.revolute, size.prismatic) }
+    };
+    let beside = if parameter.tolerance.is_some() { ", beside its tolerance" } else { "" };
+    match parameter.scale {
+        Scale::Offset(size) => format!("+- {}{beside}", sizes(size)),
+        Scale::Factor(size) => format!("x e^(+- {size}){beside}"),
+        Scale::Magnitude(size) => format!(">= 0, {}{beside}", sizes(size)),
+        Scale::Shape { middle, size } => format!("{middle} x e^(+- {size})"),
+        Scale::Moment => "any moment, as a part of the recording".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_in_docs_is_the_library_in_the_code() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/effects.md");
+        let page = std::fs::read_to_string(path).unwrap();
+        assert!(page == document(), "docs/effects.md is not what the code says; write it anew: raven-diagnose effects > docs/effects.md");
+    }
+}
