@@ -5,7 +5,7 @@ use raven_tests::{json, number, shared, typed};
 fn diagnose(log: &str, robot: &str) -> Option<serde_json::Value> {
     let (log, robot) = (shared(&format!("data/real/{log}"))?, shared(&format!("robot/{robot}"))?);
     let folder = tempfile::tempdir().unwrap();
-    let arguments = [&log.display().to_string(), "--robot", &robot.display().to_string(), "--json", "{report.json}"];
+    let arguments = [&log.display().to_string(), "--robot", &robot.display().to_string(), "--gap-only", "--json", "{report.json}"];
     typed(folder.path(), raven_diagnose::run, &arguments).unwrap();
     Some(json(folder.path(), "report.json"))
 }

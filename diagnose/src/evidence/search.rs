@@ -18,8 +18,9 @@ use super::screen::Candidate;
 
 /// Most effects.
 pub const EFFECTS_MAX: usize = 3;
-/// An effect matters if it explains at least this part of what is explained in one of the channels.
+/// An effect matters if it explains at least this part of what is explained in one of the channels, and so much at all [nat].
 const MATERIAL: f64 = 0.005;
+const LEAST_NATS: f64 = 3.0;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best, at least, at most.
 const WITHIN_NATS: f64 = 25.0;
 const REFITTED: [usize; 2] = [2, 6];
@@ -150,7 +151,7 @@ impl Fitter<'_> {
             })
         };
         let [all, without, with] = [&outcome.nominal, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
-        (0..4).any(|k| without[k] - with[k] > MATERIAL * (all[k] - with[k]).max(0.0))
+        (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
     }
 
     /// Judges all hypotheses alike: what the best of them leaves counts as noise.
