@@ -23,10 +23,10 @@ fn json(folder: &Path, name: &str) -> serde_json::Value {
 /// Mean square of what is between a recording and a robot file, at the tip for `raven-diagnose` [mm^2] and at a joint against its encoder
 /// for `raven-replay`'s transmission kinematics [deg^2, mm^2].
 fn gaps(folder: &Path, log: &str, robot: &str, joint: usize) -> [f64; 2] {
-    step(folder, "raven-diagnose", chain::diagnose, &format!("{{{log}}} --robot {{{robot}}} --json {{gap.json}}"));
+    step(folder, "raven-diagnose", chain::diagnose, &format!("{{{log}}} --robot {{{robot}}} --gap-only --json {{gap.json}}"));
     step(folder, "raven-replay", chain::replay, &format!("{{{log}}} --robot {{{robot}}} --json {{replay.json}}"));
     let gap = json(folder, "gap.json");
-    let tip = gap["gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "tip").unwrap()["model"].as_f64().unwrap();
+    let tip = gap["model_gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "tip").unwrap()["model"].as_f64().unwrap();
     let kinematic = json(folder, "replay.json")["joints"][joint]["rms_kinematic_identified"].as_f64().unwrap();
     [tip * tip, kinematic * kinematic]
 }

@@ -21,6 +21,8 @@ pub const EFFECTS_MAX: usize = 3;
 /// An effect matters if it explains at least this part of what is explained in one of the channels, and so much at all [nat].
 const MATERIAL: f64 = 0.005;
 const LEAST_NATS: f64 = 3.0;
+/// Or if it takes so much strain off the tolerances of the nominal model [nat].
+const STRAIN_NATS: f64 = 6.0;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best, at least, at most.
 const WITHIN_NATS: f64 = 25.0;
 const REFITTED: [usize; 2] = [2, 6];
@@ -151,7 +153,13 @@ impl Fitter<'_> {
             })
         };
         let [all, without, with] = [&outcome.nominal, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
-        (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
+        // What numbers of the nominal model have to bear without it.
+        let strain = |h: &Hypothesis| {
+            let spiked = h.free.iter().filter(|&&c| !h.effects.contains(&self.coordinates.all[c].effect));
+            spiked.map(|&c| self.prior(c, &h.effects).map_or(0.0, |t| (h.u[c] / t).powi(2))).sum::<f64>()
+        };
+        strain(poorer) - strain(richer) > 2.0 * STRAIN_NATS
+            || (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
     }
 
     /// Judges all hypotheses alike: what the best of them leaves counts as noise.
