@@ -70,6 +70,9 @@ struct Squares {
     floor: Vec<f64>,
 }
 
+/// Shares of all effects where subsets of them (as bits) close so much.
+type SharesOf<'a> = dyn Fn(&dyn Fn(usize) -> f64) -> Vec<Share> + 'a;
+
 /// The gap of every channel that was recorded.
 ///
 /// # Errors
@@ -175,13 +178,7 @@ fn collect(
     Ok(())
 }
 
-fn closure(
-    channel: &str,
-    unit: &'static str,
-    scale: f64,
-    squares: &Squares,
-    shares_of: &dyn Fn(&dyn Fn(usize) -> f64) -> Vec<Share>,
-) -> Option<Closure> {
+fn closure(channel: &str, unit: &'static str, scale: f64, squares: &Squares, shares_of: &SharesOf) -> Option<Closure> {
     let (first, last) = (squares.of_subset.first()?, squares.of_subset.last()?);
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (before, after, floor) = (mean(first), mean(last), mean(&squares.floor));
