@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::evidence::coordinates::Coordinates;
 use crate::evidence::data::WINDOW_S;
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::rows::{Inflation, Rows, Setting};
+use crate::evidence::rows::{Inflation, Observed, Rows, Setting};
 
 /// The gap of one channel, before and after.
 #[derive(Debug, Clone, Serialize)]
@@ -78,7 +78,7 @@ type SharesOf<'a> = dyn Fn(&dyn Fn(usize) -> f64) -> Vec<Share> + 'a;
 /// # Errors
 /// If the robot is no arm.
 pub(super) fn closures(rows: &Rows, coordinates: &Coordinates, named: &Hypothesis) -> Result<Vec<Closure>> {
-    let robot = rows.robot_file();
+    let robot = rows.robot();
     let mut channels: Vec<(String, &'static str, f64, Squares)> = Vec::new();
     for joint in robot.joints.iter().take(3) {
         let (unit, scale) = joint.display_unit();
@@ -133,7 +133,7 @@ fn collect(
     channels: &mut [(String, &'static str, f64, Squares)],
 ) -> Result<()> {
     let model = rows.model(settings)?;
-    let nominal = rows.robot_file().arm()?;
+    let nominal = rows.robot().arm()?;
     let torque = TorqueModel::new(&model)?;
     let mut add = |channel: usize, block: usize, square: f64, floor: f64| {
         let squares = &mut channels[channel].3;

@@ -12,11 +12,10 @@ pub use detectable::Detectable;
 pub use fitness::check_fitness;
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{number, sentence, words};
+pub use words::{at, number, sentence, words};
 
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::Effect;
 use raven::log::Recording;
 use raven::robot::{KinematicsKind, Robot};
 use serde::Serialize;
@@ -138,8 +137,11 @@ fn searched(fitter: &Fitter, each: impl FnMut()) -> Result<Outcome> {
 
 /// The hypothesis whose effects are named; `None` where none is.
 fn named(outcome: &Outcome) -> Option<&Hypothesis> {
-    let none = outcome.probabilities().iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p);
-    Some(&outcome.best).filter(|best| !best.effects.is_empty() && none < NONE_MAX)
+    Some(&outcome.best).filter(|best| !best.effects.is_empty() && probability_of_none(&outcome.probabilities()) < NONE_MAX)
+}
+
+fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
+    probabilities.iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p)
 }
 
 /// What hypotheses say, without the gap.
@@ -206,13 +208,7 @@ fn candidates(fitter: &Fitter, outcome: &Outcome, probabilities: &[(Vec<usize>, 
         evidence_nats.is_finite().then_some(candidate)
     };
     let mut all: Vec<Candidate> = fitter.coordinates.sited.iter().enumerate().filter_map(of_effect).collect();
-    let p_none = probabilities.iter().find(|(set, _)| set.is_empty()).map_or(0.0, |(_, p)| *p);
-    all.push(Candidate { id: "none", joint: None, probability: p_none, evidence_nats: 0.0 });
+    all.push(Candidate { id: "none", joint: None, probability: probability_of_none(probabilities), evidence_nats: 0.0 });
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     all
-}
-
-/// The library's effects that look alike, for reports.
-fn library_ties(effect: &'static Effect) -> impl Iterator<Item = &'static raven::effects::Tie> {
-    effect.ties.iter()
 }

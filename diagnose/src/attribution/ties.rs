@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::library_ties;
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::search::Outcome;
 
@@ -28,7 +27,7 @@ const WITHIN_NATS: f64 = 3.0;
 pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Vec<Tied> {
     let sited = &fitter.coordinates.sited;
     let reached = outcome.fitted.get(&best.effects).map_or(best.evidence, |(_, evidence)| *evidence);
-    let exact = |other: usize| library_ties(sited[effect].effect).any(|tie| tie.exact && tie.id == sited[other].effect.id);
+    let exact = |other: usize| sited[effect].effect.ties.iter().any(|tie| tie.exact && tie.id == sited[other].effect.id);
     let stands_in = |other: usize| {
         let mut effects: Vec<usize> = best.effects.iter().map(|&e| if e == effect { other } else { e }).collect();
         effects.sort_unstable();

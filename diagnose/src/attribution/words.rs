@@ -22,10 +22,12 @@ pub fn sentence(attribution: &Attribution) -> String {
 /// `pulley-radius at the shoulder (relative_error -0.0518 +- 0.0004)`.
 fn cause(blamed: &Blamed) -> String {
     let numbers: Vec<String> = blamed.parameters.iter().map(number).collect();
-    format!("{} ({})", named(blamed.id, blamed.joint.as_deref()), numbers.join(", "))
+    format!("{} ({})", at(blamed.id, blamed.joint.as_deref()), numbers.join(", "))
 }
 
-fn named(id: &str, joint: Option<&str>) -> String {
+/// An effect at its place: `pulley-radius at the shoulder`.
+#[must_use]
+pub fn at(id: &str, joint: Option<&str>) -> String {
     joint.map_or_else(|| id.to_owned(), |joint| format!("{id} at the {joint}"))
 }
 
@@ -48,7 +50,7 @@ pub fn words(attribution: &Attribution) -> String {
             let _ = writeln!(
                 text,
                 "  {} {what} ({:.1} nats less); to tell them apart: {}.",
-                named(tie.id, tie.joint.as_deref()),
+                at(tie.id, tie.joint.as_deref()),
                 tie.gap_nats,
                 tie.separate_by
             );

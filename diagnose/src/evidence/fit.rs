@@ -85,6 +85,12 @@ impl Fitter<'_> {
         (0..self.coordinates.all.len()).filter(|&c| self.prior(c, effects).is_some()).collect()
     }
 
+    /// Prior precisions of coordinates that are free under a hypothesis.
+    #[must_use]
+    pub fn precision(&self, free: &[usize], effects: &[usize]) -> DVector<f64> {
+        DVector::from_iterator(free.len(), free.iter().filter_map(|&c| self.prior(c, effects)).map(|t| t.powi(-2)))
+    }
+
     /// Slopes of the residuals' negative by coordinates at a point, from settled links.
     ///
     /// # Errors
@@ -122,7 +128,7 @@ impl Fitter<'_> {
         let mut effects = effects.to_vec();
         effects.sort_unstable();
         let free = self.free(&effects);
-        let precision = DVector::from_iterator(free.len(), free.iter().filter_map(|&c| self.prior(c, &effects)).map(|t| t.powi(-2)));
+        let precision = self.precision(&free, &effects);
         let cost = |u: &[f64], residuals: &[f64]| {
             let prior: f64 = free.iter().zip(precision.iter()).map(|(&c, p)| p * u[c] * u[c]).sum();
             0.5 * (dot(residuals, residuals) + prior)

@@ -10,7 +10,7 @@
 use nalgebra::{DVector, Vector3};
 use raven::stats::chi_square_quantile;
 
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Hypothesis, gram};
 use super::linear::{dot, evidence, minimum};
 
 /// Lengths of blocks: tips at some ten a second, torque samples fifty.
@@ -44,9 +44,9 @@ impl Leftover {
         Self { tip: inflation(&tips, &TIP_BLOCKS), torque: Vector3::from_fn(|j, _| inflation(&[component(torques, j)], &TORQUE_BLOCKS)) }
     }
 
-    /// Weight of every row.
+    /// Inverse deviation of every row, over what was stated.
     fn weights(&self, tip_rows: usize, rows: usize) -> Vec<f64> {
-        (0..rows).map(|k| if k < tip_rows { 1.0 / self.tip } else { 1.0 / self.torque[(k - tip_rows) % 3] }).collect()
+        (0..rows).map(|k| if k < tip_rows { self.tip } else { self.torque[(k - tip_rows) % 3] }.sqrt().recip()).collect()
     }
 }
 
@@ -68,22 +68,14 @@ impl Fitter<'_> {
             return hypothesis.evidence;
         }
         let weights = leftover.weights(self.rows.tip_rows(), hypothesis.residuals.len());
-        let weighted: Vec<Vec<f64>> =
-            hypothesis.columns.iter().map(|column| column.iter().zip(&weights).map(|(v, w)| v * w).collect()).collect();
-        let n = weighted.len();
-        let mut information = nalgebra::DMatrix::zeros(n, n);
-        for a in 0..n {
-            for b in 0..=a {
-                let product = dot(&weighted[a], &hypothesis.columns[b]);
-                information[(a, b)] = product;
-                information[(b, a)] = product;
-            }
-        }
-        let score = DVector::from_iterator(n, weighted.iter().map(|column| dot(column, &hypothesis.residuals)));
-        let square: f64 = hypothesis.residuals.iter().zip(&weights).map(|(r, w)| r * r * w).sum();
-        let at = DVector::from_iterator(n, hypothesis.free.iter().map(|&c| hypothesis.u[c]));
-        let prior = |&c: &usize| self.prior(c, &hypothesis.effects).map(|t| t.powi(-2));
-        let precision = DVector::from_iterator(n, hypothesis.free.iter().filter_map(prior));
+        let weighted = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&weights).map(|(v, w)| v * w).collect() };
+        let columns: Vec<Vec<f64>> = hypothesis.columns.iter().map(|column| weighted(column)).collect();
+        let residuals = weighted(&hypothesis.residuals);
+        let information = gram(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        let score = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &residuals)));
+        let square = dot(&residuals, &residuals);
+        let at = DVector::from_iterator(columns.len(), hypothesis.free.iter().map(|&c| hypothesis.u[c]));
+        let precision = self.precision(&hypothesis.free, &hypothesis.effects);
         let best = minimum(&information, &score, square, &at, &precision);
         let Some((found, covariance)) = best.and_then(|(_, cost)| evidence(&information, &precision, cost)) else {
             return f64::NEG_INFINITY;

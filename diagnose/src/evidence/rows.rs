@@ -132,12 +132,6 @@ impl<'a> Rows<'a> {
         self.data
     }
 
-    /// The nominal robot.
-    #[must_use]
-    pub fn robot_file(&self) -> &'a Robot {
-        self.robot
-    }
-
     /// Inverse deviations of each torque sample of a recording; 0 where it says nothing.
     #[must_use]
     pub fn torque_weights(&self, recording: usize) -> &[Vector3<f64>] {

@@ -47,8 +47,7 @@ impl Fitter<'_> {
             score: DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &base.residuals))),
             square: dot(&base.residuals, &base.residuals),
         };
-        let precision =
-            DVector::from_iterator(base.free.len(), base.free.iter().filter_map(|&c| self.prior(c, &base.effects)).map(|t| t.powi(-2)));
+        let precision = self.precision(&base.free, &base.effects);
         let at = DVector::from_iterator(base.free.len(), base.free.iter().map(|&c| base.u[c]));
         let promise = minimum(&point.information, &point.score, point.square, &at, &precision)
             .and_then(|(_, cost)| evidence(&point.information, &precision, cost));
@@ -124,7 +123,7 @@ impl Fitter<'_> {
         let mut effects = [base.effects.as_slice(), &[effect]].concat();
         effects.sort_unstable();
         let coordinates: Vec<usize> = own.iter().copied().chain(kept.iter().map(|&k| base.free[k])).collect();
-        let precision = DVector::from_iterator(n, coordinates.iter().map(|&c| self.prior(c, &effects).unwrap_or(1.0).powi(-2)));
+        let precision = self.precision(&coordinates, &effects);
         let at = DVector::from_iterator(n, coordinates.iter().map(|&c| u[c]));
         let Some((free_step, free_cost)) = minimum(&information, &score, square, &at, &precision) else { return Ok(None) };
         let inside: Vec<f64> = own.iter().enumerate().map(|(a, &c)| self.kept_inside(c, u[c], free_step[a]) - u[c]).collect();

@@ -1,7 +1,7 @@
 //! The page with what the recordings say of causes.
 
 use super::{Candidate, Detectable, GapBar, Page};
-use crate::attribution::{Attribution, number, sentence};
+use crate::attribution::{Attribution, at, number, sentence};
 
 /// Candidates that the page shows.
 const SHOWN: usize = 12;
@@ -52,8 +52,4 @@ fn bar(gap: &crate::attribution::Closure) -> GapBar {
         after: gap.held_out.then_some(gap.after),
         closed: gap.closed.zip(gap.closed_ci95),
     }
-}
-
-fn at(id: &str, joint: Option<&str>) -> String {
-    joint.map_or_else(|| id.to_owned(), |joint| format!("{id} at the {joint}"))
 }
