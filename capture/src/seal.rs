@@ -25,6 +25,8 @@ pub fn run(args: &Args, folder: &Path, robot: &Robot, options: &Options, out: &m
     let case = Case {
         motion: args.motion.unwrap_or(drawn.motion),
         duration_s: args.duration.unwrap_or(drawn.duration_s),
+        rate_hz: args.rate.unwrap_or(drawn.rate_hz),
+        noise_px: args.noise.unwrap_or(drawn.noise_px),
         effects: if args.effect.is_empty() { drawn.effects } else { args.effect.clone() },
         ..drawn
     };

@@ -29,12 +29,12 @@ pub struct Args {
     /// Render images of both cameras instead of writing the tip's position.
     #[arg(long)]
     pub images: bool,
-    /// Frames per second of each camera.
-    #[arg(long, default_value_t = 15.0, value_name = "HZ")]
-    pub rate: f64,
-    /// Standard deviation of a tracked coordinate, without --images [px].
-    #[arg(long, default_value_t = 0.1, value_name = "PX")]
-    pub noise: f64,
+    /// Frames per second of each camera: 15 if left off; of a sealed recording by lot.
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
+    /// Standard deviation of a tracked coordinate, without --images [px]: 0.1 if left off; of a sealed recording by lot.
+    #[arg(long, value_name = "PX")]
+    pub noise: Option<f64>,
     /// Part of the time during which something hides the marker.
     #[arg(long, default_value_t = 0.03, value_name = "PART")]
     pub occluded: f64,
@@ -82,17 +82,18 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     if !(0.0..=4e9).contains(&args.start_time) {
         return Err(Error::Argument(format!("--start-time is {}, expected seconds since 1970.", args.start_time)));
     }
+    let usual = Options::default();
     let options = Options {
-        seed: args.seed.unwrap_or_else(|| Options::default().seed),
+        seed: args.seed.unwrap_or(usual.seed),
         hidden: args.hidden,
         effects: args.effect.clone(),
         images: args.images,
-        rate_hz: args.rate,
-        noise_px: args.noise,
+        rate_hz: args.rate.unwrap_or(usual.rate_hz),
+        noise_px: args.noise.unwrap_or(usual.noise_px),
         hidden_part: args.occluded,
         start: Stamp::default().plus_seconds(args.start_time),
         off_nominal: args.off_nominal.unwrap_or(if args.seal.is_some() { SEALED_FACTOR } else { 0.0 }),
-        ..Options::default()
+        ..usual
     };
     if let Some(folder) = &args.seal {
         return seal::run(args, folder, &robot, &options, out);

@@ -99,8 +99,14 @@ pub fn diagnose_recording(log: &Path, robot: &Robot, cameras: Option<&Cameras>) 
     Ok((&causes(robot, cameras, &[recording])?).into())
 }
 
-/// The verdict of a diagnosis that is told what a recording hides; `None` where there is none.
-pub const ORACLE: Option<&check::Oracle<'static>> = None;
+/// What a recording says when its effects are told.
+///
+/// # Errors
+/// As [`diagnose_recording`], or if the recording cannot show them.
+pub fn when_told(log: &Path, robot: &Robot, cameras: Option<&Cameras>, effects: &[(&str, Option<&str>)]) -> Result<Option<check::Told>> {
+    let recording = Recording::read(log, &robot.into())?;
+    Ok(attribution::when_told(robot, cameras, &[recording], effects)?.as_ref().map(check::Told::from))
+}
 
 /// Runs the program.
 ///

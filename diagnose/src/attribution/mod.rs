@@ -126,6 +126,40 @@ pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recordi
     Ok(attribution)
 }
 
+/// What a diagnosis that knows the effects makes of recordings.
+#[derive(Debug, Clone, Default)]
+pub struct Told {
+    /// How far the gap closes.
+    pub gap: Vec<Closure>,
+    /// Evidence above that of no effect [nat].
+    pub evidence_nats: f64,
+}
+
+/// What recordings of an arm say when it is told which effects there are, by identifier and place; `None` where the model cannot be fitted.
+///
+/// # Errors
+/// As [`attribute`], or if an effect is not in the library or cannot show in the recordings.
+pub fn when_told(
+    robot: &Robot,
+    cameras: Option<&Cameras>,
+    recordings: &[Recording],
+    effects: &[(&str, Option<&str>)],
+) -> Result<Option<Told>> {
+    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, cameras)).collect::<Result<_>>()?;
+    let rows = Rows::new(robot, cameras, &data)?;
+    let coordinates = Coordinates::new(robot, &rows);
+    let of_name = |&(id, joint): &(&str, Option<&str>)| {
+        let at = coordinates.sited.iter().position(|sited| sited.effect.id == id && sited.joint(robot).as_deref() == joint);
+        at.ok_or_else(|| raven::Error::Data(format!("these recordings cannot show `{}`.", words::at(id, joint))))
+    };
+    let told = effects.iter().map(of_name).collect::<Result<Vec<usize>>>()?;
+    let fitted = Fitter { rows: &rows, coordinates: &coordinates }.told(&told)?;
+    let told = |(hypothesis, evidence_nats): (Hypothesis, f64)| {
+        Ok(Told { gap: closure::closures(&rows, &coordinates, &hypothesis)?, evidence_nats })
+    };
+    fitted.map(told).transpose()
+}
+
 fn searched(fitter: &Fitter, each: impl FnMut()) -> Result<Outcome> {
     fitter.search(each)?.ok_or_else(|| {
         raven::Error::Data(format!(

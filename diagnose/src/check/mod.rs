@@ -14,12 +14,13 @@ mod tests;
 mod verdict;
 
 pub use crate::attribution::Word;
+use cause::is_outside;
 pub use cause::{Cause, Names};
 pub use committed::Committed;
 pub use estimates::Sizes;
 pub use metrics::{Claim, Share, brier, calibration_error};
 pub use score::{Answer, Score};
-pub use verdict::{Blamed, Candidate, ChannelGap, Estimate, Verdict};
+pub use verdict::{Blamed, Candidate, ChannelGap, Estimate, Told, Verdict};
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -29,7 +30,7 @@ use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::robot::{Robot, nominal};
-use raven::simulation::{Label, SealedFolder, sealed_set};
+use raven::simulation::{SealedFolder, sealed_set};
 use raven::{Error, Result};
 
 /// Diagnoses the recordings of a sealed folder blind, then opens the labels and prints the score.
@@ -39,8 +40,8 @@ use raven::{Error, Result};
 #[derive(Debug, Parser)]
 #[command(bin_name = "raven-diagnose check", no_binary_name = true, version, verbatim_doc_comment)]
 pub struct Args {
-    /// Folder with recordings, cameras.yaml, labels.json and labels.sha256.
-    #[arg(required_unless_present = "simulate", conflicts_with = "simulate")]
+    /// Folder with recordings, cameras.yaml, labels.json and labels.sha256; with --simulate it is made, and kept.
+    #[arg(required_unless_present = "simulate")]
     folder: Option<PathBuf>,
     /// Robot file: the model that the recordings are held against; by default the nominal Raven-II, gold arm.
     #[arg(long, value_name = "FILE")]
@@ -48,7 +49,7 @@ pub struct Args {
     /// Cameras the tips were tracked with; by default those of the folder.
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Makes a sealed folder of so many recordings, checks on it, and removes it.
+    /// Makes a sealed folder of so many recordings and checks on it; without a folder's name it is removed afterwards.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     simulate: Option<u16>,
     /// Seed of the simulated recordings.
@@ -64,8 +65,8 @@ pub struct Args {
 
 /// Diagnoses one recording.
 pub type Diagnose<'a> = dyn Fn(&Path) -> Result<Verdict> + 'a;
-/// Diagnoses one recording when told what it hides: the most that any diagnosis could close of the gap.
-pub type Oracle<'a> = dyn Fn(&Path, &Label) -> Result<Verdict> + 'a;
+/// What one recording says when its effects are told, by identifier and place: the most that any diagnosis could see and close.
+pub type Oracle<'a> = dyn Fn(&Path, &[(&str, Option<&str>)]) -> Result<Option<Told>> + 'a;
 
 /// Runs the blind check with this program's diagnosis.
 ///
@@ -73,16 +74,16 @@ pub type Oracle<'a> = dyn Fn(&Path, &Label) -> Result<Verdict> + 'a;
 /// If a file cannot be read or written, or the labels are not those that were sealed.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
-    let simulated = args.simulate.map(|count| simulate(&robot, args.seed, usize::from(count))).transpose()?;
-    let folder = match (&simulated, &args.folder) {
-        (Some(simulated), _) => simulated.path(),
-        (None, Some(folder)) => folder,
-        (None, None) => return Err(Error::Argument("neither a folder nor --simulate is given.".to_owned())),
-    };
+    let passing = passing_folder()?;
+    let folder = args.folder.as_deref().unwrap_or(passing.path());
+    if let Some(count) = args.simulate {
+        simulate(&robot, args.seed, usize::from(count), folder)?;
+    }
     let cameras_path = args.cameras.clone().unwrap_or_else(|| folder.join("cameras.yaml"));
     let cameras = if args.cameras.is_some() || cameras_path.exists() { Some(Cameras::read(&cameras_path)?) } else { None };
     let diagnose = |log: &Path| crate::diagnose_recording(log, &robot, cameras.as_ref());
-    let score = check(folder, &Names::of(&robot), &diagnose, crate::ORACLE, &args.verdicts, out)?;
+    let oracle = |log: &Path, effects: &[(&str, Option<&str>)]| crate::when_told(log, &robot, cameras.as_ref(), effects);
+    let score = check(folder, &Names::of(&robot), &diagnose, &oracle, &args.verdicts, out)?;
     print(out, format_args!("\n{score}"))?;
     if let Some(json) = &args.json {
         cli::write_json(json, &score)?;
@@ -98,7 +99,7 @@ pub fn check(
     folder: &Path,
     names: &Names,
     diagnose: &Diagnose<'_>,
-    oracle: Option<&Oracle<'_>>,
+    oracle: &Oracle<'_>,
     verdicts: &Path,
     out: &mut dyn Write,
 ) -> Result<Score> {
@@ -116,7 +117,7 @@ pub fn check(
             first_error.get_or_insert(error);
             text
         });
-        answers.push(Answer { name, verdict, seconds, oracle: None });
+        answers.push(Answer { name, verdict, seconds, told: None });
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -130,12 +131,19 @@ pub fn check(
     print(out, format_args!("verdicts: SHA-256 {}  {}\n", committed.sum(), verdicts.display()))?;
     let labels = committed.open_labels(folder)?;
     print(out, format_args!("labels:   SHA-256 as sealed in {}\n", folder.join(raven::simulation::LABELS_SUM).display()))?;
+    let bar = cli::progress(recordings.len() as u64, "fitting what is true");
     for (answer, path) in answers.iter_mut().zip(&recordings) {
         let Some(label) = labels.get(&answer.name) else {
             return Err(Error::file(path, "this recording has no label; move it out of the sealed folder."));
         };
-        answer.oracle = oracle.map(|oracle| oracle(path, label)).transpose()?;
+        if !is_outside(label) && !label.effects.is_empty() && answer.verdict.is_ok() {
+            let causes: Vec<Cause> = label.effects.iter().map(|effect| names.labelled(effect)).collect();
+            let effects: Vec<(&str, Option<&str>)> = causes.iter().map(|cause| (cause.id.as_str(), cause.joint.as_deref())).collect();
+            answer.told = oracle(path, &effects)?;
+        }
+        bar.inc(1);
     }
+    bar.finish_and_clear();
     for name in labels.keys().filter(|name| answers.iter().all(|answer| answer.name != **name)) {
         cli::warn(&format!("the label `{name}` has no recording in {}.", folder.display()));
     }
@@ -155,14 +163,18 @@ fn recordings(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// A sealed folder that goes away with what is returned.
-fn simulate(robot: &Robot, seed: u64, count: usize) -> Result<tempfile::TempDir> {
-    let folder = tempfile::tempdir().map_err(|e| Error::io(&std::env::temp_dir(), "create a folder in", e))?;
+/// A folder that goes away with what is returned.
+fn passing_folder() -> Result<tempfile::TempDir> {
+    tempfile::tempdir().map_err(|e| Error::io(&std::env::temp_dir(), "create a folder in", e))
+}
+
+/// Makes a sealed set in a folder.
+fn simulate(robot: &Robot, seed: u64, count: usize, folder: &Path) -> Result<()> {
     let cases = sealed_set(robot, seed, count)?;
     let bar = cli::progress(count as u64, "simulating");
-    SealedFolder::open(folder.path())?.add_all(robot, &cases, &SealedFolder::options(), || bar.inc(1))?;
+    SealedFolder::open(folder)?.add_all(robot, &cases, &SealedFolder::options(), || bar.inc(1))?;
     bar.finish_and_clear();
-    Ok(folder)
+    Ok(())
 }
 
 fn print(out: &mut dyn Write, text: std::fmt::Arguments<'_>) -> Result<()> {

@@ -10,6 +10,7 @@ impl fmt::Display for Score {
         writeln!(f, "{} recordings, {} without a verdict", self.recordings, self.failed)?;
         let shares = [
             ("single effects, first answer right", self.top1),
+            ("  of those that the recording can show", self.top1_shown),
             ("single effects, right among the first two", self.top2),
             ("single effects, exactly right", self.single_exact),
             ("false alarms where there is nothing", self.false_alarms),
@@ -24,7 +25,7 @@ impl fmt::Display for Score {
         let percent = |value: f64| format!("{:.1} %", 100.0 * value);
         let numbers = [
             ("error of the size, median", self.sizes.median_relative_error.map(percent)),
-            ("gap closed, of what the oracle closes", self.gap_closed_of_oracle.map(percent)),
+            ("gap closed, of what closes when told", self.gap_closed_of_oracle.map(percent)),
             ("expected calibration error", self.ece.map(|ece| format!("{ece:.3}"))),
             ("Brier score", self.brier.map(|brier| format!("{brier:.3}"))),
             ("time per recording, mean", self.seconds_mean.map(|seconds| format!("{seconds:.1} s"))),
@@ -41,10 +42,10 @@ impl fmt::Display for Score {
             writeln!(f, "{truth:<28} {}", answers.join(", "))?;
         }
         if !self.wrong.is_empty() {
-            writeln!(f, "\nWrong: recording, what is true, what was said")?;
+            writeln!(f, "\nWrong: recording, what is true and the evidence for it when told, what was said")?;
         }
         for [name, truth, said] in &self.wrong {
-            writeln!(f, "{name:<14} {truth:<52} {said}")?;
+            writeln!(f, "{name:<14} {truth:<60} {said}")?;
         }
         Ok(())
     }

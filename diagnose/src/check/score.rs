@@ -8,8 +8,11 @@ use serde::Serialize;
 use super::cause::{Cause, Names, is_outside};
 use super::estimates::Sizes;
 use super::metrics::{Claim, Share, brier, calibration_error};
-use super::verdict::{ChannelGap, Verdict};
+use super::verdict::{ChannelGap, Told, Verdict};
 use crate::attribution::Word;
+
+/// Evidence from which an effect shows in a recording [nat]: "strong" by Kass and Raftery 1995.
+pub const SHOWS_NATS: f64 = 3.0;
 
 /// What a diagnosis said of one recording.
 #[derive(Debug, Clone)]
@@ -20,8 +23,8 @@ pub struct Answer {
     pub verdict: Result<Verdict, String>,
     /// What it took [s].
     pub seconds: f64,
-    /// Verdict of a diagnosis that was told the effects.
-    pub oracle: Option<Verdict>,
+    /// Of a diagnosis that was told the effects, where there are any.
+    pub told: Option<Told>,
 }
 
 /// The score, `raven-check/1`.
@@ -34,6 +37,8 @@ pub struct Score {
     pub failed: usize,
     /// Single effects whose first answer is right.
     pub top1: Share,
+    /// Those of them that the recording can show: told of them, a fit beats that of no effect by [`SHOWS_NATS`].
+    pub top1_shown: Share,
     /// Right among the first two answers.
     pub top2: Share,
     /// Single effects that alone are blamed.
@@ -54,7 +59,7 @@ pub struct Score {
     pub brier: Option<f64>,
     /// Sizes of the effects named rightly.
     pub sizes: Sizes,
-    /// Gap closed over what the oracle closes, over the recordings that have both.
+    /// Gap closed over what is closed when the effects are told, over the recordings that hide effects of the library.
     pub gap_closed_of_oracle: Option<f64>,
     /// Mean time per recording [s].
     pub seconds_mean: Option<f64>,
@@ -81,10 +86,15 @@ impl Score {
             let case = Case { label, truth: label.effects.iter().map(|effect| names.labelled(effect)).collect(), names };
             let verdict = answer.verdict.as_ref().ok();
             score.failed += usize::from(verdict.is_none());
-            let right = score.count(&case, verdict);
+            let right = score.count(&case, verdict, answer.told.as_ref());
             let (truth, said) = (case.truth_name(), verdict.map_or_else(|| "failed".to_owned(), |verdict| case.answer_name(verdict)));
             if !right {
-                score.wrong.push([answer.name.clone(), case.truth_text(), verdict.map_or("failed".to_owned(), |v| said_text(v, names))]);
+                let seen = answer.told.as_ref().map(|told| format!(" ({:.1} nats)", told.evidence_nats)).unwrap_or_default();
+                score.wrong.push([
+                    answer.name.clone(),
+                    case.truth_text() + &seen,
+                    verdict.map_or("failed".to_owned(), |v| said_text(v, names)),
+                ]);
             }
             *score.confusion.entry(truth).or_default().entry(said).or_default() += 1;
             let Some(verdict) = verdict else { continue };
@@ -95,7 +105,7 @@ impl Score {
                     score.sizes.compare(&label.effects[at], blamed);
                 }
             }
-            closed.extend(answer.oracle.as_ref().and_then(|oracle| closed_by_both(&verdict.gap, &oracle.gap)));
+            closed.extend(answer.told.as_ref().and_then(|told| closed_by_both(&verdict.gap, &told.gap)));
         }
         score.claims = claims.len();
         score.ece = calibration_error(&claims);
@@ -108,7 +118,7 @@ impl Score {
     }
 
     /// Counts one recording; tells whether the answer is right.
-    fn count(&mut self, case: &Case<'_>, verdict: Option<&Verdict>) -> bool {
+    fn count(&mut self, case: &Case<'_>, verdict: Option<&Verdict>, told: Option<&Told>) -> bool {
         let word = verdict.map(|verdict| verdict.verdict);
         if is_outside(case.label) {
             let told = matches!(word, Some(Word::Unexplained | Word::PartlyExplained));
@@ -125,6 +135,9 @@ impl Score {
                 let answers = verdict.map(|verdict| case.names.answers(verdict)).unwrap_or_default();
                 let among = |first: usize| answers.iter().take(first).any(|answer| answer.as_ref() == Some(only));
                 self.top1.count(among(1));
+                if told.is_some_and(|told| told.evidence_nats >= SHOWS_NATS) {
+                    self.top1_shown.count(among(1));
+                }
                 self.top2.count(among(2));
                 self.by_effect.entry(case.label.effects[0].id.clone()).or_default().count(among(1));
                 let exact = verdict.is_some_and(|verdict| case.exact(verdict));
@@ -222,13 +235,13 @@ fn said_text(verdict: &Verdict, names: &Names) -> String {
     text
 }
 
-/// Mean part closed by the verdict and by the oracle, over the channels in which both close one.
-fn closed_by_both(verdict: &[ChannelGap], oracle: &[ChannelGap]) -> Option<[f64; 2]> {
-    let pairs: Vec<[f64; 2]> = oracle
+/// Mean part closed by the verdict and when told, over the channels with a gap. A verdict that names nothing closes nothing.
+fn closed_by_both(verdict: &[ChannelGap], told: &[ChannelGap]) -> Option<[f64; 2]> {
+    let pairs: Vec<[f64; 2]> = told
         .iter()
         .filter_map(|told| {
             let same = verdict.iter().find(|gap| gap.channel == told.channel)?;
-            Some([same.closed?, told.closed?])
+            Some([same.closed.unwrap_or(0.0), told.closed?])
         })
         .collect();
     let mean = |side: usize| pairs.iter().map(|pair| pair[side]).sum::<f64>() / pairs.len() as f64;

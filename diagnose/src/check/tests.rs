@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use approx::assert_relative_eq;
-use raven::simulation::{LABELS, LABELS_SUM, LabelEffect, Magnitude, Motion, Options, SealedFolder};
+use raven::simulation::{LABELS, LABELS_SUM, Label, LabelEffect, Magnitude, Motion, Options, SealedFolder};
 
 use super::*;
 
@@ -37,7 +37,7 @@ fn score(cases: Vec<(Label, Result<Verdict, String>)>) -> Score {
     for (at, (label, verdict)) in cases.into_iter().enumerate() {
         let name = format!("r{at}");
         labels.insert(name.clone(), label);
-        answers.push(Answer { name, verdict, seconds: at as f64, oracle: None });
+        answers.push(Answer { name, verdict, seconds: at as f64, told: None });
     }
     Score::of(&answers, &labels, &Names::of(&nominal::gold()))
 }
@@ -105,18 +105,17 @@ fn exact_ties_count_as_right() {
 }
 
 #[test]
-fn the_gap_is_held_against_the_oracles_in_the_same_channels() {
+fn the_gap_is_held_against_what_closes_when_told() {
     let gap = |closed: &[(&str, Option<f64>)]| {
         closed.iter().map(|&(channel, closed)| ChannelGap { channel: channel.to_owned(), closed }).collect::<Vec<_>>()
     };
     let mut said = verdict(Word::Explained, &[blamed("payload", None, 0.9, 0.2)], &[]);
-    let mut told = said.clone();
-    said.gap = gap(&[("tip", Some(0.9)), ("elbow", Some(0.5)), ("shoulder", None)]);
-    told.gap = gap(&[("tip", Some(1.0)), ("elbow", Some(0.6)), ("shoulder", Some(0.3))]);
-    let answer = Answer { name: "a".to_owned(), verdict: Ok(said), seconds: 1.0, oracle: Some(told) };
+    said.gap = gap(&[("tip", Some(0.9)), ("elbow", Some(0.5)), ("shoulder", None), ("insertion", Some(0.1))]);
+    let told = gap(&[("tip", Some(1.0)), ("elbow", Some(0.6)), ("shoulder", Some(0.4)), ("insertion", None)]);
+    let answer = Answer { name: "a".to_owned(), verdict: Ok(said), seconds: 1.0, told: Some(Told { gap: told, evidence_nats: 40.0 }) };
     let labels = [("a".to_owned(), label(&[effect("payload", None, 0.2)]))].into();
     let score = Score::of(&[answer], &labels, &Names::of(&nominal::gold()));
-    assert_relative_eq!(score.gap_closed_of_oracle.unwrap(), 0.7 / 0.8, epsilon = 1e-12);
+    assert_relative_eq!(score.gap_closed_of_oracle.unwrap(), 1.4 / 2.0, epsilon = 1e-12);
 }
 
 #[test]
@@ -143,6 +142,8 @@ fn sealed() -> tempfile::TempDir {
         outside: None,
         motion: Motion::Rich,
         duration_s: 1.0,
+        rate_hz: 15.0,
+        noise_px: 0.1,
         seed: 9,
     };
     let cases = [case("r001", &["pulley-radius:elbow=0.05"]), case("r002", &[])];
@@ -165,13 +166,16 @@ fn labels_are_read_after_the_verdicts_are_written() {
         Ok(verdict(Word::Explained, &[blamed("pulley-radius", Some("elbow"), 0.9, 0.05)], &[]))
     };
     std::fs::rename(folder.path().join(LABELS), folder.path().join("hidden")).unwrap();
-    let oracle = |_: &Path, label: &Label| {
+    let told = Cell::new(0);
+    let oracle = |_: &Path, effects: &[(&str, Option<&str>)]| {
         assert!(verdicts.exists());
-        Ok(verdict(if label.effects.is_empty() { Word::None } else { Word::Explained }, &[], &[]))
+        assert_eq!(effects, [("pulley-radius", Some("elbow"))], "nothing is told of a recording without effects");
+        told.set(told.get() + 1);
+        Ok(None)
     };
     let mut out = Vec::new();
-    let score = check(folder.path(), &Names::of(&nominal::gold()), &diagnose, Some(&oracle), &verdicts, &mut out).unwrap();
-    assert_eq!(seen.get(), 2);
+    let score = check(folder.path(), &Names::of(&nominal::gold()), &diagnose, &oracle, &verdicts, &mut out).unwrap();
+    assert_eq!((seen.get(), told.get()), (2, 1));
     assert_eq!((score.top1.hits, score.false_alarms.hits), (1, 1));
     let sum = raven::files::sha256(&verdicts).unwrap();
     assert!(String::from_utf8(out).unwrap().starts_with(&format!("verdicts: SHA-256 {sum}  ")));
@@ -189,12 +193,12 @@ fn changed_labels_are_refused_after_the_commitment() {
     let diagnose = |_: &Path| Ok(verdict(Word::None, &[], &[]));
     let mut out = Vec::new();
     let names = Names::of(&nominal::gold());
-    let error = check(folder.path(), &names, &diagnose, None, &verdicts, &mut out).unwrap_err().to_string();
+    let error = check(folder.path(), &names, &diagnose, &|_, _| Ok(None), &verdicts, &mut out).unwrap_err().to_string();
     assert!(error.contains("not the labels sealed with the recordings"), "{error}");
     let out = String::from_utf8(out).unwrap();
     assert!(out.starts_with("verdicts: SHA-256 ") && !out.contains("labels:"), "{out}");
     std::fs::remove_file(folder.path().join(LABELS_SUM)).unwrap();
-    assert!(check(folder.path(), &names, &diagnose, None, &verdicts, &mut Vec::new()).is_err());
+    assert!(check(folder.path(), &names, &diagnose, &|_, _| Ok(None), &verdicts, &mut Vec::new()).is_err());
 }
 
 #[test]
@@ -202,7 +206,7 @@ fn a_check_without_any_verdict_fails_with_the_first_reason() {
     let folder = sealed();
     let diagnose = |log: &Path| Err(Error::file(log, "no verdict."));
     let verdicts = folder.path().join("verdicts.json");
-    let error = check(folder.path(), &Names::of(&nominal::gold()), &diagnose, None, &verdicts, &mut Vec::new()).unwrap_err();
+    let error = check(folder.path(), &Names::of(&nominal::gold()), &diagnose, &|_, _| Ok(None), &verdicts, &mut Vec::new()).unwrap_err();
     assert!(error.to_string().contains("r001.mcap: no verdict."));
     assert!(!verdicts.exists());
 }

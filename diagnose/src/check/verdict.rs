@@ -55,6 +55,15 @@ pub struct Candidate {
     pub probability: f64,
 }
 
+/// What a diagnosis that was told the effects makes of a recording.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Told {
+    /// How far the gap closes.
+    pub gap: Vec<ChannelGap>,
+    /// Evidence above that of no effect [nat].
+    pub evidence_nats: f64,
+}
+
 /// How far the gap of one channel closes, from 0 to 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChannelGap {
@@ -62,6 +71,18 @@ pub struct ChannelGap {
     pub channel: String,
     /// Part of the squared gap above the noise floor that the effects take away; nothing where there is none to take.
     pub closed: Option<f64>,
+}
+
+impl From<&crate::attribution::Closure> for ChannelGap {
+    fn from(closure: &crate::attribution::Closure) -> Self {
+        Self { channel: closure.channel.clone(), closed: closure.closed }
+    }
+}
+
+impl From<&crate::attribution::Told> for Told {
+    fn from(told: &crate::attribution::Told) -> Self {
+        Self { gap: told.gap.iter().map(ChannelGap::from).collect(), evidence_nats: told.evidence_nats }
+    }
 }
 
 impl From<&Attribution> for Verdict {
@@ -75,12 +96,11 @@ impl From<&Attribution> for Verdict {
         };
         let candidate =
             |c: &crate::attribution::Candidate| Candidate { id: c.id.to_owned(), joint: c.joint.clone(), probability: c.probability };
-        let gap = |g: &crate::attribution::Closure| ChannelGap { channel: g.channel.clone(), closed: g.closed };
         Self {
             verdict: found.verdict,
             effects: found.effects.iter().map(blamed).collect(),
             candidates: found.candidates.iter().map(candidate).collect(),
-            gap: found.gap.iter().map(gap).collect(),
+            gap: found.gap.iter().map(ChannelGap::from).collect(),
         }
     }
 }

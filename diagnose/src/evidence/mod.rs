@@ -10,3 +10,4 @@ pub mod prior;
 pub mod rows;
 pub mod screen;
 pub mod search;
+pub mod told;

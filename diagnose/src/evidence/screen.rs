@@ -38,6 +38,15 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub fn screen(&self, base: &Hypothesis, reached: f64) -> Result<Vec<Candidate>> {
+        let others: Vec<usize> = (0..self.coordinates.sited.len()).filter(|e| !base.effects.contains(e)).collect();
+        self.screen_some(base, reached, &others)
+    }
+
+    /// As [`Self::screen`], of some effects only.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn screen_some(&self, base: &Hypothesis, reached: f64, some: &[usize]) -> Result<Vec<Candidate>> {
         let columns: Vec<&[f64]> = base.columns.iter().map(|column| column.as_slice()).collect();
         let mut point = Point {
             promised: 0.0,
@@ -53,8 +62,7 @@ impl Fitter<'_> {
             .and_then(|(_, cost)| evidence(&point.information, &precision, cost));
         point.promised =
             promise.map_or(0.0, |(promise, _)| promise + self.beyond_normal(&base.effects, &|c| base.u[c], &|c| base.std(c)) - reached);
-        let others: Vec<usize> = (0..self.coordinates.sited.len()).filter(|e| !base.effects.contains(e)).collect();
-        let candidates: Result<Vec<Option<Candidate>>> = others
+        let candidates: Result<Vec<Option<Candidate>>> = some
             .par_iter()
             .map(|&effect| {
                 let mut best: Option<Candidate> = None;

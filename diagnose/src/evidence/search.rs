@@ -121,7 +121,7 @@ impl Fitter<'_> {
     }
 
     /// The nominal model with its slopes, nothing fitted.
-    fn at_nominal(&self) -> Result<Option<Hypothesis>> {
+    pub(super) fn at_nominal(&self) -> Result<Option<Hypothesis>> {
         let u = self.nowhere();
         let residuals = self.exact(&u)?;
         let free = self.free(&[]);

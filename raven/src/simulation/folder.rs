@@ -180,6 +180,8 @@ impl SealedFolder {
             seed: case.seed,
             effects: case.effects.clone(),
             outside: case.outside.clone(),
+            rate_hz: case.rate_hz,
+            noise_px: case.noise_px,
             cameras: self.cameras.clone(),
             joint_encoders: false,
             ..base.clone()

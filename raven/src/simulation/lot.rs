@@ -21,6 +21,10 @@ use crate::{Error, Result};
 const DURATION_S: [f64; 2] = [40.0, 75.0];
 /// Part of the recordings whose motion is `rich`; the others are `fls`.
 const RICH: f64 = 0.7;
+/// Webcams give one or the other [Hz].
+const RATES_HZ: [f64; 2] = [15.0, 30.0];
+/// Scatter of a tracked coordinate, from raw frames near by to compressed ones [px].
+const NOISE_PX: [f64; 2] = [0.1, 0.3];
 
 /// What a recording is to hide.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +54,10 @@ pub struct Case {
     pub motion: Motion,
     /// [s].
     pub duration_s: f64,
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Standard deviation of a tracked coordinate [px].
+    pub noise_px: f64,
     /// Everything else about the recording follows from it.
     pub seed: u64,
 }
@@ -103,7 +111,9 @@ impl Case {
         let motion = if rng.random_bool(RICH) { Motion::Rich } else { Motion::Fls(0) };
         // Whole seconds, as people record.
         let duration_s = rng.random_range(DURATION_S[0]..=DURATION_S[1]).round();
-        Self { name: name.to_owned(), effects: Vec::new(), outside: None, motion, duration_s, seed }
+        let rate_hz = RATES_HZ[rng.random_range(0..RATES_HZ.len())];
+        let noise_px = rng.random_range(NOISE_PX[0]..=NOISE_PX[1]);
+        Self { name: name.to_owned(), effects: Vec::new(), outside: None, motion, duration_s, rate_hz, noise_px, seed }
     }
 
     fn fill(&mut self, robot: &Robot, lot: Lot, deck: &mut Deck, outside: usize, rng: &mut impl Rng) -> Result<()> {

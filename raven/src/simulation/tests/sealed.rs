@@ -76,7 +76,7 @@ fn sealed(robot: &Robot, folder: &Path) -> SealedFolder {
     for (effects, outside) in hidden {
         let name = sealed.free_name();
         let seed = 0x5eed_0000_0000 + u64::from(name.as_bytes()[3]);
-        let case = Case { name, effects, outside, motion: Motion::Rich, duration_s: 2.0, seed };
+        let case = Case { name, effects, outside, motion: Motion::Rich, duration_s: 2.0, rate_hz: 15.0, noise_px: 0.1, seed };
         sealed.add(robot, &case, &SealedFolder::options(), |_| {}).unwrap();
     }
     sealed

@@ -1,0 +1,26 @@
+//! A fit that is told which effects there are: the most that any diagnosis could close of the gap, and whether it could see them at all.
+
+use raven::Result;
+
+use super::fit::{Fitter, Hypothesis};
+use super::leftover::Leftover;
+
+impl Fitter<'_> {
+    /// Fits named effects, one after the other and at last together, and tells what they gain over none [nat]; `None` where the model
+    /// cannot be evaluated.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn told(&self, effects: &[usize]) -> Result<Option<(Hypothesis, f64)>> {
+        let Some(mut point) = self.at_nominal()? else { return Ok(None) };
+        let Some(none) = self.fit(&[], &point.u, None)? else { return Ok(None) };
+        for &effect in effects {
+            let Some(candidate) = self.screen_some(&point, point.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
+            let Some(hypothesis) = self.fit(&candidate.effects, &candidate.start, Some(&point))? else { return Ok(None) };
+            point = hypothesis;
+        }
+        let leftover = Leftover::of(&point.residuals, self.rows.tip_rows());
+        let gain = self.tempered(&point, &leftover) - self.tempered(&none, &leftover);
+        Ok(Some((point, gain)))
+    }
+}
