@@ -49,7 +49,10 @@ impl Finding {
 /// If the robot is no arm.
 pub fn identified(robot: &Robot, findings: &[Finding], friction_holds: bool, method: &str, sessions: &[Session]) -> Result<Robot> {
     let mut new = robot.clone();
-    new.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.holds = friction_holds);
+    new.joints
+        .iter_mut()
+        .filter_map(|joint| joint.link_friction.as_mut())
+        .for_each(|friction| friction.held_part = f64::from(u8::from(friction_holds)));
     for finding in findings {
         if let Some(value) = new.value_mut(&finding.unknown.key) {
             *value = finding.value;

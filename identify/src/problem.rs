@@ -157,7 +157,12 @@ impl<'a> Problem<'a> {
         if self.unknowns.iter().any(of_reversals) {
             // Whether friction holds or creeps shows at the same reversals, and nobody knows it beforehand: the likelier one is taken.
             let mut other = self.clone();
-            other.anchored.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.holds ^= true);
+            other
+                .anchored
+                .joints
+                .iter_mut()
+                .filter_map(|joint| joint.link_friction.as_mut())
+                .for_each(|friction| friction.held_part = 1.0 - friction.held_part);
             (other.joints, other.rolled) = (Joints::AtRest, Arc::default());
             let at_other = other.fitted()?;
             if other.likelihood(&at_other)? > self.likelihood(&z)? {
@@ -170,7 +175,7 @@ impl<'a> Problem<'a> {
     /// Whether the joints' friction holds, by the robot file or by what was found.
     #[must_use]
     pub fn friction_holds(&self) -> bool {
-        self.anchored.joints.iter().filter_map(|joint| joint.link_friction).any(|friction| friction.holds)
+        self.anchored.joints.iter().filter_map(|joint| joint.link_friction).any(|friction| friction.held_part > 0.0)
     }
 
     /// Logarithm of the sightings' likelihood, false ones cut off, up to a constant.

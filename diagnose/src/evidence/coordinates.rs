@@ -16,6 +16,14 @@ pub struct Coordinate {
     pub spike: Option<f64>,
 }
 
+impl Coordinate {
+    /// Whether the nominal model knows it no better than an effect does: then it says nothing of whether there is one.
+    #[must_use]
+    pub fn is_unknown(&self) -> bool {
+        self.spike.is_some_and(|spike| spike >= 1.0)
+    }
+}
+
 /// All effects that these recordings can show, and their numbers.
 pub struct Coordinates {
     /// Effects at their places.

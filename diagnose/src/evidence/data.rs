@@ -1,6 +1,6 @@
 //! A recording as the hypotheses see it: tips, and drives with their torque.
 
-use nalgebra::{Matrix2, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Shaft, Sight};
@@ -91,25 +91,22 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -
     if !whole || torque[from..to].iter().any(|t| !t.iter().all(|v| v.is_finite())) {
         return None;
     }
-    // Least squares of [1, t, t^2 / 2].
-    let mut normal = Matrix3::zeros();
-    let mut right = Matrix3::zeros();
-    for (t, angle) in times.iter().zip(&motors.angle[from..to]) {
+    // Least squares of [1, t, t^2 / 2]. The acceleration it finds is the mean of the true one with the weights (1 - (t / h)^2)^2, h half
+    // the window; the torque's mean has to have the same, or a fast motion looks as if it took another inertia.
+    let half_s = 0.5 * WINDOW_S;
+    let (mut normal, mut right) = (Matrix3::zeros(), Matrix3::zeros());
+    let (mut commanded, mut weights) = (Vector3::zeros(), 0.0);
+    for ((t, angle), torque) in times.iter().zip(&motors.angle[from..to]).zip(&torque[from..to]) {
         let t = t - time_s;
         let row = Vector3::new(1.0, t, 0.5 * t * t);
         normal += row * row.transpose();
         right += row * angle.transpose();
+        let weight = (1.0 - (t / half_s).powi(2)).max(0.0).powi(2);
+        commanded += torque * weight;
+        weights += weight;
     }
     let fit = normal.try_inverse()? * right;
-    // The torque by the same fit's value at the middle: a mean would lag behind where the load bends.
-    let scale = Matrix2::new(times.len() as f64, normal[(0, 2)], normal[(0, 2)], normal[(2, 2)]).try_inverse()?;
-    let (mut sum, mut bent) = (Vector3::zeros(), Vector3::zeros());
-    for (t, torque) in times.iter().zip(&torque[from..to]) {
-        let t = t - time_s;
-        sum += torque;
-        bent += torque * (0.5 * t * t);
-    }
-    let commanded = sum * scale[(0, 0)] + bent * scale[(0, 1)];
+    let commanded = commanded / weights;
     let row = |k: usize| fit.row(k).transpose();
     Some(Shaft { time_s, angle: row(0), rate: row(1), acceleration: row(2), commanded })
 }

@@ -85,6 +85,11 @@ impl Fitter<'_> {
         (0..self.coordinates.all.len()).filter(|&c| self.prior(c, effects).is_some()).collect()
     }
 
+    fn scale(&self, c: usize) -> Scale {
+        let coordinate = self.coordinates.all[c];
+        self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale
+    }
+
     /// Prior precisions of coordinates that are free under a hypothesis.
     #[must_use]
     pub fn precision(&self, free: &[usize], effects: &[usize]) -> DVector<f64> {
@@ -100,13 +105,16 @@ impl Fitter<'_> {
             let coordinate = self.coordinates.all[c];
             let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
             let channels = self.coordinates.sited[coordinate.effect].effect.channels;
-            let at = |side: f64| {
+            let at = |value: f64| {
                 let mut moved = u.to_vec();
-                moved[c] += side * step;
+                moved[c] = value;
                 self.rows.residuals(&self.coordinates.settings(&moved), Links::Settled, channels)
             };
-            let (ahead, behind) = (at(1.0)?, at(-1.0)?);
-            Ok(Arc::new(ahead.iter().zip(&behind).map(|(ahead, behind)| (behind - ahead) / (2.0 * step)).collect()))
+            // A magnitude has no other side of zero.
+            let lowest = if matches!(self.scale(c), Scale::Magnitude(_)) { 0.0 } else { f64::NEG_INFINITY };
+            let (from, to) = ((u[c] - step).max(lowest), u[c] + step);
+            let (ahead, behind) = (at(to)?, at(from)?);
+            Ok(Arc::new(ahead.iter().zip(&behind).map(|(ahead, behind)| (behind - ahead) / (to - from)).collect()))
         };
         coordinates.par_iter().map(slope).collect()
     }
@@ -198,8 +206,7 @@ impl Fitter<'_> {
     /// A step of a coordinate: not through zero where the number cannot be negative, not out of the recording, not too far at once.
     #[must_use]
     pub fn kept_inside(&self, c: usize, u: f64, step: f64) -> f64 {
-        let coordinate = self.coordinates.all[c];
-        match self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale {
+        match self.scale(c) {
             Scale::Magnitude(_) => (u + step.clamp(-STEP_MAX, STEP_MAX)).max(1e-3),
             Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-4.0, 4.0),
             Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(0.0, 1.0),
@@ -214,15 +221,12 @@ impl Fitter<'_> {
     /// where its absence would do as well: their prior is `|u|^2 / n` times the normal one (the moment prior of Johnson and Rossell 2010).
     #[must_use]
     pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
-        let scale = |c: usize| {
-            let coordinate = self.coordinates.all[c];
-            self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale
-        };
         let of_effect = |&effect: &usize| {
-            let sizes = || self.coordinates.of(effect).filter(|&c| !matches!(scale(c), Scale::Shape { .. } | Scale::Moment));
+            let size = |&c: &usize| !self.coordinates.all[c].is_unknown() && !matches!(self.scale(c), Scale::Shape { .. } | Scale::Moment);
+            let sizes = || self.coordinates.of(effect).filter(size);
             let square: f64 = sizes().map(|c| u(c).powi(2) + std(c).powi(2)).sum();
             let moment = if square > 0.0 { (square / sizes().count() as f64).ln() } else { 0.0 };
-            let magnitudes = sizes().filter(|&c| matches!(scale(c), Scale::Magnitude(_)));
+            let magnitudes = sizes().filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
             moment + magnitudes.map(|c| (2.0 * normal_cdf(u(c) / std(c)).max(f64::MIN_POSITIVE)).ln()).sum::<f64>()
         };
         effects.iter().map(of_effect).sum()

@@ -66,7 +66,7 @@ impl Fitter<'_> {
             .par_iter()
             .map(|&effect| {
                 let mut best: Option<Candidate> = None;
-                for start in self.starts(effect) {
+                for start in self.starts(effect, &base.u) {
                     let candidate = self.looked_at(&point, effect, &start)?;
                     if let Some(candidate) = candidate.filter(|c| best.as_ref().is_none_or(|best| c.evidence > best.evidence)) {
                         best = Some(candidate);
@@ -166,13 +166,14 @@ impl Fitter<'_> {
     }
 
     /// Where to start looking for an effect: its numbers in units of their slabs.
-    fn starts(&self, effect: usize) -> Vec<Vec<f64>> {
+    fn starts(&self, effect: usize, base: &[f64]) -> Vec<Vec<f64>> {
         let parameters = self.coordinates.sited[effect].effect.parameters;
         let alone = parameters.len() == 1;
         let shaped = parameters.iter().any(|p| matches!(p.scale, Scale::Shape { .. } | Scale::Moment));
         let mut starts: Vec<Vec<f64>> = vec![Vec::new()];
-        for parameter in parameters {
+        for (parameter, c) in parameters.iter().zip(self.coordinates.of(effect)) {
             let values: &[f64] = match parameter.scale {
+                _ if self.coordinates.all[c].is_unknown() => &base[c..=c],
                 Scale::Factor(_) => &[0.0, -1.2, 0.8, 1.6],
                 // Beside a shape the size must not vanish, or the shape has no slope.
                 Scale::Offset(_) if shaped => &[-0.5, 0.5],

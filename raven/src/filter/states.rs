@@ -114,7 +114,7 @@ impl BiasStates {
     /// With a bias that wanders as `wander` says.
     #[must_use]
     pub fn new(mut arm: Arm, friction: Friction, wander: Wander) -> Self {
-        arm.link_friction.iter_mut().for_each(|of_joint| of_joint.holds = friction == Friction::Holding);
+        arm.link_friction.iter_mut().for_each(|of_joint| of_joint.held_part = f64::from(u8::from(friction == Friction::Holding)));
         Self { paper: PaperStates::new(LinkModel::new(arm)), friction, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
     }
 

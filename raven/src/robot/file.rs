@@ -171,9 +171,9 @@ pub struct ViscousCoulomb {
     /// Coulomb friction per force that the cable exerts on the joint [1].
     #[serde(default)]
     pub per_load: f64,
-    /// Whether Coulomb friction holds a joint whose motor stands still, as against giving way slowly.
+    /// Part of Coulomb friction that holds a joint whose motor stands still; the rest gives way slowly [1].
     #[serde(default)]
-    pub holds: bool,
+    pub held_part: f64,
     /// Speed below which Coulomb friction fades [rad/s or m/s]; the model's own where it is not given.
     #[serde(default)]
     pub stiction_speed: Option<f64>,

@@ -97,7 +97,7 @@ impl LinkModel {
 
     /// Coulomb friction that stands in the equations of motion [N m or N]; friction that holds is in what drives them.
     fn creeping_n(&self, j: usize, tension_n: f64) -> f64 {
-        if self.arm.link_friction[j].holds { 0.0 } else { self.arm.dry_friction_n(j, tension_n) }
+        (1.0 - self.arm.link_friction[j].held_part) * self.arm.dry_friction_n(j, tension_n)
     }
 
     /// One Runge-Kutta step of order four over `step_s`, the motors moving steadily from `motor` at `motor_rate`.
@@ -163,7 +163,7 @@ fn fastest_pole(arm: &Arm) -> f64 {
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
             let damping = 2.0 * arm.cables[j].damping * radius2
-                + if arm.link_friction[j].holds { 0.0 } else { arm.link_friction[j].coulomb / arm.stiction_speed(j) };
+                + (1.0 - arm.link_friction[j].held_part) * arm.link_friction[j].coulomb / arm.stiction_speed(j);
             let stiffness = 2.0 * arm.cables[j].stiffness * radius2;
             let (rate, square) = (damping / inertia[(j, j)], stiffness / inertia[(j, j)]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.

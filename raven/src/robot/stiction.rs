@@ -20,7 +20,7 @@ const LOAD_S: f64 = 0.01;
 /// Whether holding Coulomb friction makes a play of any joint.
 #[must_use]
 pub fn has_play(arm: &Arm) -> bool {
-    arm.link_friction.iter().any(|friction| friction.holds && (friction.coulomb > 0.0 || friction.per_load > 0.0))
+    arm.link_friction.iter().any(|friction| friction.held_part > 0.0 && (friction.coulomb > 0.0 || friction.per_load > 0.0))
 }
 
 /// The motors that would move free joints as these motors move joints with play. After a pause the play is in its middle, as at the start.
@@ -60,10 +60,8 @@ struct Held {
 impl Held {
     fn at(arm: &Arm, rigid: &Vector3<f64>) -> Self {
         let tension = arm.transmission.tension_n(&arm.dynamics.bias(rigid, &Vector3::zeros()));
-        let friction = Vector3::from_fn(|j, _| {
-            let held = arm.link_friction[j].holds;
-            if held { arm.dry_friction_n(j, tension[j]) / arm.transmission.link_radius_m[j] } else { 0.0 }
-        });
+        let friction =
+            Vector3::from_fn(|j, _| arm.link_friction[j].held_part * arm.dry_friction_n(j, tension[j]) / arm.transmission.link_radius_m[j]);
         let stretch = |tension: Vector3<f64>| Vector3::from_fn(|j, _| arm.cables[j].static_stretch_m(tension[j]));
         let [free, ahead, behind] = [tension, tension + friction, tension - friction].map(stretch);
         let half_m = (ahead - behind) * 0.5;
@@ -92,7 +90,7 @@ mod tests {
         let times: Vec<f64> = (2..119).map(|k| f64::from(k) * 0.1).collect();
         let rubbing = LinkModel::new(arm.clone()).rollout(&motor, &times);
         let mut holding = arm.clone();
-        holding.link_friction.iter_mut().for_each(|friction| friction.holds = true);
+        holding.link_friction.iter_mut().for_each(|friction| friction.held_part = 1.0);
         let free = LinkModel::new(holding.clone()).rollout(&holding.driving(&motor), &times);
         let unaided = LinkModel::new(holding).rollout(&motor, &times);
         let miss = |model: &[Option<crate::robot::LinkState>]| {
@@ -105,7 +103,7 @@ mod tests {
     /// An arm whose elbow has a play of 0.1 rad on either side.
     fn with_play() -> Arm {
         let mut arm = nominal::gold().arm().unwrap();
-        arm.link_friction[1].holds = true;
+        arm.link_friction[1].held_part = 1.0;
         arm.cables.iter_mut().for_each(|cable| cable.stiffness *= 1e6);
         let radius_m = arm.transmission.link_radius_m[1];
         arm.link_friction[1].coulomb = arm.cables[1].force(0.1 * radius_m, 0.0) * radius_m;

@@ -149,11 +149,9 @@ fn joint_yaml(joint: &Joint) -> String {
         let _ = write!(text, "\n    motor: {{inertia: {inertia}, coulomb_friction: {coulomb}, viscous_friction: {viscous}}}");
     }
     if let Some(f) = joint.link_friction {
-        let holds = if f.holds { ", holds: true" } else { "" };
-        let mut more = departure(("per_load", f.per_load, 0.0));
+        let mut more = departure(("per_load", f.per_load, 0.0)) + &departure(("held_part", f.held_part, 0.0));
         more.extend(f.stiction_speed.map(|speed| format!(", stiction_speed: {}", yaml_float(speed))));
-        let _ =
-            write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{more}{holds}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
+        let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{more}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
     }
     text
 }

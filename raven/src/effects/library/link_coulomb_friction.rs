@@ -16,6 +16,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.3), tolerance: Some(|robot, _| robot.tolerances.link_friction) },
         // How friction fades towards rest is a law of its own, of which nobody knows the numbers.
         Parameter { name: "slope_factor", unit: "1", scale: Scale::Factor(0.7), tolerance: Some(|_, _| 0.7) },
+        // Nor whether it holds a joint that rests: a dry bearing does, a wet one gives way.
+        Parameter { name: "held_part", unit: "1", scale: Scale::Magnitude(Size::of(1.0)), tolerance: Some(|_, _| 1.0) },
     ],
     channels: &[Channel::Tip, Channel::Torque],
     ties: &[Tie { id: "motor-coulomb-friction", exact: false }, Tie { id: "hysteresis", exact: false }],
@@ -25,6 +27,7 @@ pub const EFFECT: Effect = Effect {
         let usual = stiction_speed(joint.kind);
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
+            friction.held_part = held(friction.held_part, values[2]);
             // More friction takes more speed to build up: its slope at rest is the bearing's. One much steeper than the model's looks the
             // same, and takes ever smaller steps. A file that leaves the speed to the model goes on doing so.
             let slope = values[1].min(STEEPEST);
@@ -35,6 +38,11 @@ pub const EFFECT: Effect = Effect {
     },
 };
 
+/// Of what gave way, a part holds.
+fn held(nominal: f64, part: f64) -> f64 {
+    nominal + (1.0 - nominal) * part.clamp(0.0, 1.0)
+}
+
 /// The same where the nominal model has none of it: an amount instead of a factor.
 pub const AMOUNT: Amount = Amount {
     nominal: |robot, place| robot.joints.get(place.first).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb),
@@ -43,11 +51,13 @@ pub const AMOUNT: Amount = Amount {
         parameters: &[
             Parameter { name: "amount", unit: "joint force", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None },
             EFFECT.parameters[1],
+            EFFECT.parameters[2],
         ],
         act: |model, place, values| {
             let usual = stiction_speed(model.robot.joints[place.first].kind);
             let friction = model.link_friction_mut(place.first);
             friction.coulomb = values[0];
+            friction.held_part = held(friction.held_part, values[2]);
             friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) / values[1].min(STEEPEST));
         },
         ..EFFECT
