@@ -174,6 +174,8 @@ impl Fitter<'_> {
         for (parameter, c) in parameters.iter().zip(self.coordinates.of(effect)) {
             let values: &[f64] = match parameter.scale {
                 _ if self.coordinates.all[c].is_unknown() => &base[c..=c],
+                // What may be a hundred times the nominal value has slopes that say nothing of it.
+                Scale::Factor(size) if size > 2.0 => &[0.0, -1.2, 0.8, 1.6, 2.4, 3.2],
                 Scale::Factor(_) => &[0.0, -1.2, 0.8, 1.6],
                 // Beside a shape the size must not vanish, or the shape has no slope.
                 Scale::Offset(_) if shaped => &[-0.5, 0.5],

@@ -14,6 +14,9 @@ use super::{Drive, Model};
 use crate::Result;
 use crate::robot::{Arm, Motor};
 
+/// Times that a cable's force and the friction that it causes are told each other; each adds a digit at a coefficient of a tenth.
+const PASSES: usize = 4;
+
 /// Motors at one time, smoothed, with the torque that was commanded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shaft {
@@ -135,11 +138,15 @@ impl TorqueModel {
         let rate = links.rate;
         let (mass, bias) = self.arm.dynamics.mass_and_bias(&links.position, &rate);
         let load = mass * links.acceleration + bias;
-        let unloaded = transmission.tension_n(&load);
         let way = self.arm.rubbing(&rate);
-        let rubbing =
-            Vector3::from_fn(|j, _| self.arm.dry_friction_n(j, unloaded[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j]);
-        let tension = transmission.tension_n(&(load + rubbing));
+        let rubbing = |tension: &Vector3<f64>| {
+            Vector3::from_fn(|j, _| self.arm.dry_friction_n(j, tension[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j])
+        };
+        let mut tension = transmission.tension_n(&load);
+        // Friction that grows with the cable's force is part of what the cable bears.
+        for _ in 0..if self.arm.link_friction.iter().any(|friction| friction.per_load > 0.0) { PASSES } else { 1 } {
+            tension = transmission.tension_n(&(load + rubbing(&tension)));
+        }
         self.shafts.taken(shaft, &shaft.rate.map(f64::signum)) + self.shafts.passed_on(&tension, &transmission.cable_per_motor_m)
     }
 }
