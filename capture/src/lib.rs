@@ -1,6 +1,8 @@
 //! Records, simulates and checks sessions.
 
 pub mod check;
+pub mod clock;
+pub mod ros1;
 pub mod seal;
 pub mod simulate;
 pub mod steps;

@@ -1,0 +1,90 @@
+//! A log that is recorded while it is written: it must be readable whatever happens to program or machine.
+//!
+//! It is called `NAME.mcap.active` until it is complete. Its chunks are written whole, never patched afterwards, so what has been flushed stays
+//! good: [`super::recover`] reads a file that was cut off up to the cut.
+
+use std::ffi::OsString;
+use std::fs::{File, OpenOptions};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::records::op;
+
+use super::Walker;
+use super::writer::{LogWriter, Place, fault};
+use crate::{Error, Result};
+
+/// The name of a log until it is complete.
+#[must_use]
+pub fn active_name(path: &Path) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(".active");
+    name.into()
+}
+
+impl LogWriter {
+    /// Starts a log that grows under its active name and gets `path` for a name from [`LogWriter::finish`].
+    ///
+    /// # Errors
+    /// If a recording of that name exists, complete or not, or the folder cannot be written to.
+    pub fn live(path: &Path) -> Result<Self> {
+        if path.exists() {
+            return Err(Error::file(path, "this recording exists, and recordings are never written over; choose another name."));
+        }
+        let active = active_name(path);
+        let file = OpenOptions::new().write(true).create_new(true).open(&active).map_err(|e| {
+            if e.kind() != std::io::ErrorKind::AlreadyExists {
+                return Error::io(&active, "create", e);
+            }
+            Error::file(
+                &active,
+                "this recording is under way or was cut off; save it with `raven-capture check FILE --recover -o OUT.mcap`, then remove it.",
+            )
+        })?;
+        Self::start(path, "", Place::Active(active), file)
+    }
+
+    /// Puts everything written so far on the disk and returns the bytes it takes there.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn flush(&mut self) -> Result<u64> {
+        self.writer.flush().map_err(|e| fault(&self.path, e))?;
+        self.file.sync_data().map_err(|e| Error::io(&self.path, "sync", e))?;
+        Ok(self.file.metadata().map_err(|e| Error::io(&self.path, "sync", e))?.len())
+    }
+}
+
+/// Completes a log that could not be written on, as on a full disk: takes off the record that was cut, ends the file behind the last whole one,
+/// without an index, and gives it its name. The bytes taken off are more than those that are added.
+///
+/// # Errors
+/// If the file cannot be read, or changed, or renamed; it then keeps its active name, and what is whole in it can be recovered.
+pub fn complete(path: &Path) -> Result<()> {
+    let active = active_name(path);
+    let mut walker = Walker::open(&active)?;
+    walker.run(|_| Ok(()))?;
+    let cut = walker.damage().and_then(|damage| damage.cut_off_at);
+    if let Some(end) = cut {
+        let failed = |e| Error::io(&active, "complete", e);
+        let mut file = OpenOptions::new().write(true).open(&active).map_err(failed)?;
+        file.set_len(end).map_err(failed)?;
+        file.seek(SeekFrom::End(0)).map_err(failed)?;
+        file.write_all(&ending()).map_err(failed)?;
+        file.sync_all().map_err(failed)?;
+    }
+    rename(&active, path)
+}
+
+pub(super) fn rename(active: &Path, path: &Path) -> Result<()> {
+    std::fs::rename(active, path).map_err(|e| Error::io(path, "rename to", e))?;
+    // The name is on the disk when its folder is.
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder).and_then(|folder| folder.sync_all()).map_err(|e| Error::io(path, "sync", e))
+}
+
+/// The end of a file without an index: the end of its data, a footer that points nowhere, and the magic bytes.
+fn ending() -> Vec<u8> {
+    let record = |opcode: u8, body: &[u8]| [&[opcode], (body.len() as u64).to_le_bytes().as_slice(), body].concat();
+    [record(op::DATA_END, &[0; 4]), record(op::FOOTER, &[0; 20]), mcap::MAGIC.to_vec()].concat()
+}
