@@ -62,6 +62,9 @@ impl ReadFault {
     pub fn of(self, peer: &str) -> Fault {
         let peer = peer.to_owned();
         match self {
+            Self::Io(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
+                Fault::Lost { peer, source: io::Error::new(source.kind(), "it closed the connection") }
+            }
             Self::Io(source) => Fault::Lost { peer, source },
             Self::Malformed(what) => Fault::Malformed { peer, what },
         }

@@ -125,6 +125,9 @@ impl Order {
         let mut stream = BufReader::with_capacity(1 << 16, stream);
         let mut sequence = 0_u32;
         loop {
+            if self.stopped() {
+                return Err(lost(io::Error::other("the recording ends")));
+            }
             let data = read_block(&mut stream, MESSAGE_LIMIT, "a message").map_err(|fault| fault.of(&peer))?;
             receiver(Message { arrival: Arrival::now(), sequence, data });
             sequence = sequence.wrapping_add(1);

@@ -68,7 +68,7 @@ impl Node {
         let stop = Arc::new(AtomicBool::new(false));
         let shared = Arc::new(Shared { master: master.clone(), caller_id, topics, stop, notices });
         let answering = Arc::clone(&shared);
-        let server = Server::start(move |method, parameters| answering.answer(method, parameters)).map_err(unreachable)?;
+        let server = Server::start(0, move |method, parameters| answering.answer(method, parameters)).map_err(unreachable)?;
         let own = Endpoint { host, port: server.port() }.to_string();
         let mut node = Self { shared, watcher: None, server: Some(server), own: own.clone() };
         node.shared.register(&own)?;

@@ -22,13 +22,13 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts a server on a free port of all interfaces. `answer` gets method and parameters of each call; what it returns in words becomes a
+    /// Starts a server on a port of all interfaces, 0 for any that is free. `answer` gets method and parameters of each call; what it returns in words becomes a
     /// fault of XML-RPC.
     ///
     /// # Errors
-    /// If no port is free.
-    pub fn start(answer: impl Fn(&str, &[Value]) -> Result<Value, String> + Send + 'static) -> io::Result<Self> {
-        let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+    /// If the port is not free.
+    pub fn start(port: u16, answer: impl Fn(&str, &[Value]) -> Result<Value, String> + Send + 'static) -> io::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, port))?;
         let port = listener.local_addr()?.port();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
