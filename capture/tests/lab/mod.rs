@@ -143,6 +143,11 @@ pub struct Publisher {
 
 impl Publisher {
     pub fn start(master: &Endpoint, topic: &str) -> Self {
+        Self::of(master, topic, TYPE, DEFINITION)
+    }
+
+    /// A publisher of any type of message.
+    pub fn of(master: &Endpoint, topic: &str, message_type: &'static str, definition: &'static str) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let server = Server::start(0, move |method, _| match method {
@@ -164,14 +169,14 @@ impl Publisher {
                 }
                 let fields: BTreeMap<String, String> = read_header(&mut stream).unwrap();
                 assert_eq!((fields["topic"].as_str(), fields["md5sum"].as_str(), fields["tcp_nodelay"].as_str()), (&*wanted, "*", "1"));
-                let sum = ros1::md5::md5sum(&ros1::Definition::parse(TYPE, DEFINITION).unwrap()).unwrap();
+                let sum = ros1::md5::md5sum(&ros1::Definition::parse(message_type, definition).unwrap()).unwrap();
                 let header = encode_header(&[
                     ("callerid", &caller),
                     ("latching", "0"),
                     ("md5sum", &sum),
-                    ("message_definition", DEFINITION),
+                    ("message_definition", definition),
                     ("topic", &wanted),
-                    ("type", TYPE),
+                    ("type", message_type),
                 ]);
                 stream.write_all(&header).unwrap();
                 stream.set_nodelay(true).unwrap();
@@ -207,8 +212,11 @@ impl Publisher {
     }
 
     pub fn publish(&self, number: u64) {
-        let data = message(number);
-        self.send(&[&(data.len() as u32).to_le_bytes()[..], &data].concat());
+        self.publish_bytes(&message(number));
+    }
+
+    pub fn publish_bytes(&self, data: &[u8]) {
+        self.send(&[&(data.len() as u32).to_le_bytes()[..], data].concat());
     }
 
     /// Publishes these numbers at a rate that does not drift; `more` is asked before each.

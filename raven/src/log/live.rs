@@ -64,8 +64,9 @@ pub fn complete(path: &Path) -> Result<()> {
     let active = active_name(path);
     let mut walker = Walker::open(&active)?;
     walker.run(|_| Ok(()))?;
-    let cut = walker.damage().and_then(|damage| damage.cut_off_at);
-    if let Some(end) = cut {
+    if let Some(cut) = walker.damage().and_then(|damage| damage.cut_off_at) {
+        // Part of an index is worth nothing.
+        let end = walker.data_end().unwrap_or(cut);
         let failed = |e| Error::io(&active, "complete", e);
         let mut file = OpenOptions::new().write(true).open(&active).map_err(failed)?;
         file.set_len(end).map_err(failed)?;
