@@ -172,6 +172,8 @@ fn a_disk_that_takes_no_more_ends_the_recording_and_keeps_what_is_whole() {
     assert!(said.contains("ended early") && said.contains("too large"), "{said}");
     let (read, whole) = numbers(&folder.path().join("session.mcap"), TOPIC);
     assert_eq!((&read, whole), (&(0..read.len() as u64).collect(), true));
+    let counted = format!("{} messages", read.len());
+    assert!(String::from_utf8_lossy(&output.stdout).contains(&counted), "{counted}: {}", String::from_utf8_lossy(&output.stdout));
     let bytes = folder.path().join("session.mcap").metadata().unwrap().len();
     assert!(read.len() > 500 && bytes > 500_000, "{} of {published} messages in {bytes} bytes", read.len());
 }

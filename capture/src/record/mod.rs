@@ -2,6 +2,7 @@
 
 pub mod live;
 pub mod pace;
+mod recording;
 pub mod source;
 pub mod summary;
 pub mod topic;

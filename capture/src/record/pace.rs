@@ -36,7 +36,7 @@ impl Pace {
             None => self.window.push(interval_s),
         }
         self.next += 1;
-        if self.next == LEAST || self.next % RENEW == 0 {
+        if self.next == LEAST || self.next.is_multiple_of(RENEW) {
             let mut sorted = self.window.clone();
             sorted.sort_unstable_by(f64::total_cmp);
             self.median_s = sorted.get(sorted.len() / 2).copied();

@@ -4,7 +4,7 @@
 //! or put in order here; every sample has its own stamp.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use raven::Result;
@@ -38,14 +38,19 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Puts the sample in a log and counts it.
+    /// Puts the sample in a log and returns its bytes.
     ///
     /// # Errors
     /// If the log cannot be written.
-    pub fn write(&self, log: &mut LogWriter) -> Result<()> {
+    pub fn write(&self, log: &mut LogWriter) -> Result<usize> {
         self.sample.write(log)?;
-        self.counters.written.fetch_add(1, Ordering::Relaxed);
-        Ok(())
+        Ok(self.sample.bytes())
+    }
+
+    /// Whose it is.
+    #[must_use]
+    pub const fn counters(&self) -> &Arc<Counters> {
+        &self.counters
     }
 }
 
@@ -106,6 +111,11 @@ pub struct Counts {
 }
 
 impl Counters {
+    /// Counts messages that are in the file for good.
+    pub fn wrote(&self, messages: u64) {
+        self.written.fetch_add(messages, Ordering::Relaxed);
+    }
+
     /// Counts a lost connection.
     pub fn interrupted(&self) {
         self.interruptions.fetch_add(1, Ordering::Relaxed);
@@ -167,8 +177,8 @@ impl Feed {
         }
         let before = self.waiting.fetch_add(bytes, Ordering::Relaxed);
         let entry = Entry { sample, counters: Arc::clone(counters), waiting: Arc::clone(&self.waiting) };
-        // Dropping the entry takes its bytes off again.
-        if before + bytes > QUEUE_BYTES || self.sender.try_send(entry).is_err() {
+        // Dropping the entry takes its bytes off again. One that comes after the end of the file was not dropped for want of room.
+        if before + bytes > QUEUE_BYTES || matches!(self.sender.try_send(entry), Err(TrySendError::Full(_))) {
             counters.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }

@@ -1,6 +1,6 @@
 //! As much of HTTP/1.1 (RFC 9112) as remote calls between ROS 1 nodes need: one message, one answer, then the connection is closed.
 
-use std::io::{self, Read};
+use std::io::{self, BufRead, Read};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
@@ -59,7 +59,7 @@ impl HttpMessage {
     ///
     /// # Errors
     /// If the connection ends, or what comes is no HTTP message with a length.
-    pub fn read(source: &mut impl Read) -> Result<Self, ReadFault> {
+    pub fn read(source: &mut impl BufRead) -> Result<Self, ReadFault> {
         let mut lines = head(source)?.into_iter();
         let start = lines.next().unwrap_or_default();
         let mut length = None;
@@ -100,26 +100,24 @@ pub(super) fn exactly(source: &mut impl Read, length: usize, limit: usize, what:
 }
 
 /// The lines up to the empty one.
-fn head(source: &mut impl Read) -> Result<Vec<String>, ReadFault> {
-    let (mut lines, mut line) = (Vec::new(), Vec::new());
-    for byte in source.take(HEAD_LIMIT).bytes() {
-        match byte? {
-            b'\n' => {
-                let text = String::from_utf8_lossy(&line).trim_end().to_owned();
-                if text.is_empty() {
-                    return Ok(lines);
-                }
-                lines.push(text);
-                line.clear();
-            }
-            byte => line.push(byte),
+fn head(source: &mut impl BufRead) -> Result<Vec<String>, ReadFault> {
+    let (mut lines, mut source) = (Vec::new(), source.take(HEAD_LIMIT));
+    loop {
+        let mut line = Vec::new();
+        source.read_until(b'\n', &mut line)?;
+        if line.is_empty() && lines.is_empty() {
+            return Err(ReadFault::Io(io::ErrorKind::UnexpectedEof.into()));
         }
+        // The end of the limit or of the connection.
+        if line.pop() != Some(b'\n') {
+            return Err(malformed("an HTTP head that does not end".to_owned()));
+        }
+        let text = String::from_utf8_lossy(&line).trim_end().to_owned();
+        if text.is_empty() {
+            return Ok(lines);
+        }
+        lines.push(text);
     }
-    // The end of the limit or of the connection.
-    if lines.is_empty() && line.is_empty() {
-        return Err(ReadFault::Io(io::ErrorKind::UnexpectedEof.into()));
-    }
-    Err(malformed("an HTTP head that does not end".to_owned()))
 }
 
 pub(super) fn malformed(what: String) -> ReadFault {

@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::op;
 
-use super::Walker;
 use super::writer::{LogWriter, Place, fault};
 use crate::{Error, Result};
 
@@ -44,36 +43,38 @@ impl LogWriter {
         Self::start(path, "", Place::Active(active), file)
     }
 
-    /// Puts everything written so far on the disk and returns the bytes it takes there.
+    /// Ends the chunk and hands everything written so far to the operating system, which keeps it if this program is killed. Returns the bytes
+    /// of the file, all of them good.
     ///
     /// # Errors
     /// If the disk is full.
     pub fn flush(&mut self) -> Result<u64> {
         self.writer.flush().map_err(|e| fault(&self.path, e))?;
-        self.file.sync_data().map_err(|e| Error::io(&self.path, "sync", e))?;
-        Ok(self.file.metadata().map_err(|e| Error::io(&self.path, "sync", e))?.len())
+        Ok(self.file.metadata().map_err(|e| Error::io(&self.path, "look at", e))?.len())
+    }
+
+    /// Puts what was flushed on the disk, which keeps it if the power fails.
+    ///
+    /// # Errors
+    /// If the disk fails.
+    pub fn sync(&self) -> Result<()> {
+        self.file.sync_data().map_err(|e| Error::io(&self.path, "sync", e))
     }
 }
 
-/// Completes a log that could not be written on, as on a full disk: takes off the record that was cut, ends the file behind the last whole one,
-/// without an index, and gives it its name. The bytes taken off are more than those that are added.
+/// Completes a live log that could not be written on, as on a full disk: takes off what is beyond its good bytes, ends it there without an index,
+/// and gives it its name. `good_bytes` is what [`LogWriter::flush`] said last; the writer must be dropped before.
 ///
 /// # Errors
-/// If the file cannot be read, or changed, or renamed; it then keeps its active name, and what is whole in it can be recovered.
-pub fn complete(path: &Path) -> Result<()> {
+/// If the file cannot be changed or renamed; it then keeps its active name, and can be recovered.
+pub fn complete(path: &Path, good_bytes: u64) -> Result<()> {
     let active = active_name(path);
-    let mut walker = Walker::open(&active)?;
-    walker.run(|_| Ok(()))?;
-    if let Some(cut) = walker.damage().and_then(|damage| damage.cut_off_at) {
-        // Part of an index is worth nothing.
-        let end = walker.data_end().unwrap_or(cut);
-        let failed = |e| Error::io(&active, "complete", e);
-        let mut file = OpenOptions::new().write(true).open(&active).map_err(failed)?;
-        file.set_len(end).map_err(failed)?;
-        file.seek(SeekFrom::End(0)).map_err(failed)?;
-        file.write_all(&ending()).map_err(failed)?;
-        file.sync_all().map_err(failed)?;
-    }
+    let failed = |e| Error::io(&active, "complete", e);
+    let mut file = OpenOptions::new().write(true).open(&active).map_err(failed)?;
+    file.set_len(good_bytes).map_err(failed)?;
+    file.seek(SeekFrom::End(0)).map_err(failed)?;
+    file.write_all(&ending()).map_err(failed)?;
+    file.sync_all().map_err(failed)?;
     rename(&active, path)
 }
 

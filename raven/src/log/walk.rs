@@ -92,7 +92,7 @@ pub struct Walker {
     buffer: Vec<u8>,
     known: Known,
     expected_messages: Option<u64>,
-    data_end: Option<u64>,
+    past_data: bool,
     done: bool,
     damage: Option<Damage>,
 }
@@ -134,7 +134,7 @@ impl Walker {
             buffer: Vec::new(),
             known: Known::default(),
             expected_messages: None,
-            data_end: None,
+            past_data: false,
             done: false,
             damage: None,
         })
@@ -162,11 +162,6 @@ impl Walker {
     #[must_use]
     pub const fn position(&self) -> u64 {
         self.position
-    }
-
-    /// Byte at which the record lies that ends the data, once it was met; index and footer follow it.
-    pub(super) const fn data_end(&self) -> Option<u64> {
-        self.data_end
     }
 
     /// What was found to be wrong so far.
@@ -252,14 +247,14 @@ impl Walker {
                     self.cut_off();
                 }
             }
-            op::DATA_END => self.data_end = self.position.checked_sub(self.buffer.len() as u64),
+            op::DATA_END => self.past_data = true,
             op::STATISTICS => {
                 if let Ok(Record::Statistics(statistics)) = mcap::parse_record(opcode, body) {
                     self.expected_messages = Some(statistics.message_count);
                 }
             }
             // The rest of the summary repeats what the data section has said.
-            _ if self.data_end.is_some() => {}
+            _ if self.past_data => {}
             op::CHUNK => return read_records(&mut self.buffer.as_slice(), true, &mut self.known, visit),
             op::HEADER => match mcap::parse_record(opcode, body) {
                 Ok(Record::Header(header)) => visit(Item::Start(header.profile))?,
