@@ -50,7 +50,8 @@ pub struct Args {
     /// A topic recorded under its own name; may be repeated.
     #[arg(long, value_name = "TOPIC", value_parser = topic_name)]
     pub topic: Vec<String>,
-    /// The ROS master of --topic; ROS_MASTER_URI or this machine if left off.
+    /// The ROS master of --topic; ROS_MASTER_URI or this machine if left off. ROS_IP or ROS_HOSTNAME say how the robot reaches this machine,
+    /// if it is not by the address that the master sees.
     #[arg(long, value_name = "URI", requires = "topic")]
     pub ros_master: Option<Endpoint>,
     /// End after so long [s].

@@ -94,3 +94,24 @@ fn losses(TopicSummary { topic, counts }: &TopicSummary) -> Vec<String> {
     };
     sentences.into_iter().enumerate().filter_map(sentence).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_is_not_in_the_file_is_data_lost() {
+        let of = |counts: Counts, trouble: Option<&str>| {
+            let written = Written { trouble: trouble.map(str::to_owned), ..Written::default() };
+            Summary::new(written, 1.0, vec![TopicSummary { topic: "/a".to_owned(), counts }])
+        };
+        let whole = Counts { received: 10, written: 10, ..Counts::default() };
+        assert_eq!(of(whole.clone(), None).outcome(), Outcome::Done);
+        let dropped = of(Counts { received: 13, dropped: 3, ..whole.clone() }, None);
+        assert_eq!((dropped.outcome(), dropped.lost.len()), (Outcome::DataLost, 1), "{:?}", dropped.lost);
+        let unwritten = of(Counts { received: 15, dropped: 3, ..whole.clone() }, None);
+        assert!(unwritten.lost[1].starts_with("/a: 2 messages lost that came when"), "{:?}", unwritten.lost);
+        assert_eq!(of(Counts::default(), None).lost, ["/a: no message came."]);
+        assert_eq!(of(whole, Some("The recording ended early.")).outcome(), Outcome::DataLost);
+    }
+}

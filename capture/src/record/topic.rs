@@ -14,6 +14,9 @@ use crate::ros1::{Connection, Fault, Listener, Message, Receiver};
 /// Where messages have their header; the robot's own calls it `hdr`.
 const HEADER_STAMPS: [&str; 2] = ["header.stamp", "hdr.stamp"];
 
+/// A publisher that always finds something new to complain of is not listened to for ever.
+const SENTENCES: usize = 50;
+
 /// A topic that is recorded.
 pub struct TopicSource {
     /// Name in the recording.
@@ -32,7 +35,8 @@ pub struct TopicSource {
 
 impl TopicSource {
     fn notice(&self, sentence: String) {
-        if self.said.lock().unwrap_or_else(PoisonError::into_inner).insert(sentence.clone()) {
+        let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        if said.len() < SENTENCES && said.insert(sentence.clone()) {
             // Nobody listens any more when everything ends.
             let _ended = self.notices.send(sentence);
         }

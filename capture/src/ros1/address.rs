@@ -29,7 +29,11 @@ impl Endpoint {
     /// If the name is unknown or nobody answers within three seconds.
     pub fn connect(&self, peer: &str) -> Result<TcpStream, Fault> {
         let unreachable = |source| Fault::Unreachable { peer: peer.to_owned(), source };
-        let addresses = (self.host.as_str(), self.port).to_socket_addrs().map_err(unreachable)?;
+        let unknown = |_| {
+            let host = &self.host;
+            unreachable(io::Error::other(format!("`{host}` has no address here; name it in /etc/hosts, or set ROS_IP on that machine")))
+        };
+        let addresses = (self.host.as_str(), self.port).to_socket_addrs().map_err(unknown)?;
         let mut last = io::Error::new(io::ErrorKind::NotFound, "the name has no address");
         for address in addresses {
             match TcpStream::connect_timeout(&address, CONNECT_WAIT) {

@@ -90,14 +90,15 @@ impl Order {
         let [first, last] = PAUSES;
         let mut pause = first;
         while wanted.load(Ordering::Relaxed) && !self.stopped() {
-            let mut connected = false;
+            let mut connected = None;
             let Err(fault) = self.receive(&mut connected);
             // Saying farewell to one that leaves on purpose would be noise.
             if self.stopped() || !wanted.load(Ordering::Relaxed) {
                 return;
             }
-            self.listener.failed(&fault, connected);
-            if connected {
+            self.listener.failed(&fault, connected.is_some());
+            // One that answers and then breaks off at once is no better than one that does not answer.
+            if connected.is_some_and(|since: Instant| since.elapsed() > last) {
                 pause = first;
             }
             self.sleep(pause);
@@ -105,8 +106,8 @@ impl Order {
         }
     }
 
-    /// Asks for the connection and reads messages until it ends.
-    fn receive(&self, connected: &mut bool) -> Result<std::convert::Infallible, Fault> {
+    /// Asks for the connection and reads messages until it ends; `connected` becomes the moment since when it stood.
+    fn receive(&self, connected: &mut Option<Instant>) -> Result<std::convert::Infallible, Fault> {
         let peer = format!("the publisher of {} at {}", self.topic, self.publisher);
         let offer = [Value::List(vec![Value::List(vec!["TCPROS".into()])])];
         let parameters = [[self.caller_id.as_str().into(), self.topic.as_str().into()].as_slice(), &offer].concat();
@@ -119,7 +120,7 @@ impl Order {
         keep_alive(&stream).map_err(|error| lost(error.into()))?;
         let mut stream = Interruptible { stream, stop: &self.stop, until: Some(Instant::now() + HANDSHAKE_LIMIT) };
         let connection = Connection::open(&mut stream, &self.caller_id, &self.topic).map_err(|fault| fault.of(&peer))?;
-        *connected = true;
+        *connected = Some(Instant::now());
         stream.until = None;
         let mut receiver = self.listener.connected(connection);
         let mut stream = BufReader::with_capacity(1 << 16, stream);

@@ -92,6 +92,20 @@ fn answers_as_rosmaster_writes_them() {
     assert_eq!(read_answer(&write_answer(Err("no <such> method".to_owned()))).unwrap(), Err("no <such> method".to_owned()));
 }
 
+/// roscpp's library writes `i4`, leaves `<string>` out and separates by line ends and tabs; its head has `Content-length`.
+#[test]
+fn answers_as_roscpp_writes_them() {
+    let body = "<?xml version=\"1.0\"?>\r\n<methodResponse><params><param>\r\n\t<value><array><data><value><i4>1</i4></value><value></value>\
+                <value><array><data><value>TCPROS</value><value>robot</value><value><i4>40123</i4></value></data></array></value></data>\
+                </array></value>\r\n</param></params></methodResponse>\r\n";
+    let answer =
+        format!("HTTP/1.1 200 OK\r\nServer: XMLRPC++ 0.7\r\nContent-Type: text/xml\r\nContent-length: {}\r\n\r\n{body}", body.len());
+    let answer = read_answer(&HttpMessage::read(&mut answer.as_bytes()).unwrap().body).unwrap().unwrap();
+    let [code, words, protocol] = answer.list().unwrap() else { panic!("{answer:?}") };
+    assert_eq!((code.integer(), words.text()), (Some(1), Some("")));
+    assert_eq!(protocol.list().unwrap()[2], Value::Integer(40123));
+}
+
 #[test]
 fn xml_made_to_hurt_is_refused() {
     let deep = format!("<methodResponse><params><param>{}", "<value><array><data>".repeat(20_000));
