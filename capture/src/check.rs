@@ -9,6 +9,7 @@ use raven::{Error, Result};
 use serde::Serialize;
 
 use crate::steps::{Step, steps};
+use crate::table::table;
 
 /// Arguments of `raven-capture check`.
 #[derive(Debug, clap::Args)]
@@ -77,7 +78,7 @@ fn render(survey: &Survey, steps: &[Step]) -> String {
     }
     lines.extend(survey.attachments.iter().map(|file| format!("attachment: {} ({}, {} bytes)", file.name, file.media_type, file.bytes)));
     lines.push(String::new());
-    lines.extend(table(&topic_rows(survey, first)));
+    lines.extend(table(&topic_rows(survey, first), 2));
     lines.push(String::new());
     let before_remarks = lines.len();
     if let Some(skew) = survey.cameras {
@@ -93,7 +94,7 @@ fn render(survey: &Survey, steps: &[Step]) -> String {
         lines.push(String::new());
     }
     let answer = |step: &Step| if step.ready { "ready" } else { "no" }.to_owned();
-    lines.extend(table(&steps.iter().map(|step| vec![step.program.to_owned(), answer(step), step.note.clone()]).collect::<Vec<_>>()));
+    lines.extend(table(&steps.iter().map(|step| vec![step.program.to_owned(), answer(step), step.note.clone()]).collect::<Vec<_>>(), 2));
     lines.push(String::new());
     lines.join("\n")
 }
@@ -136,21 +137,6 @@ fn remarks(topic: &TopicSurvey) -> Vec<String> {
     ];
     let remark = |(count, what): (u64, &str)| format!("{}: {count} {what}", topic.topic);
     counts.into_iter().filter(|(count, _)| *count > 0).map(remark).collect()
-}
-
-/// Aligned columns, two spaces apart: the first and the last two to the left, numbers in between to the right.
-fn table(rows: &[Vec<String>]) -> Vec<String> {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-            let left = column == 0 || column + 2 >= columns;
-            if left { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
-        });
-        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
-    };
-    rows.iter().map(line).collect()
 }
 
 #[cfg(test)]

@@ -1,9 +1,13 @@
 //! Records, simulates and checks sessions.
 
 pub mod check;
+pub mod clock;
+pub mod record;
+pub mod ros1;
 pub mod seal;
 pub mod simulate;
 pub mod steps;
+mod table;
 
 use std::io::Write;
 
@@ -25,6 +29,8 @@ pub struct Args {
 pub enum Command {
     /// Say what is in a log, what is missing, and repair one that was cut off.
     Check(check::Args),
+    /// Record topics of a ROS 1 robot, byte for byte.
+    Record(record::Args),
     /// Record a virtual lab: a robot that hides what you ask it to, and two webcams.
     Simulate(simulate::Args),
 }
@@ -36,6 +42,7 @@ pub enum Command {
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match args.command {
         Command::Check(args) => check::run(&args, out),
+        Command::Record(args) => record::run(&args, out),
         Command::Simulate(args) => simulate::run(&args, out),
     }
 }

@@ -29,6 +29,9 @@ pub enum Error {
     /// The arguments contradict each other or select nothing: exit code 2.
     #[error("{0}")]
     Argument(String),
+    /// Another program could not be reached, or did not answer as it must.
+    #[error("{0}")]
+    Network(String),
     /// The data do not carry the answer.
     #[error("{0}")]
     Data(String),

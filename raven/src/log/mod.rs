@@ -10,6 +10,7 @@ pub mod topics;
 mod frames;
 mod header;
 mod joints;
+mod live;
 mod pixels;
 mod protobuf;
 mod quality;
@@ -27,6 +28,7 @@ mod write_protobuf;
 mod writer;
 
 pub use frames::{CameraFrame, FrameData, Side, frame_stamps, frames};
+pub use live::{active_name, complete};
 pub use protobuf::{ClockSample, FrameMeta};
 pub use quality::{GAP_FACTOR, StreamQuality};
 pub use recording::{MotorSource, Recording};

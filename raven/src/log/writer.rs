@@ -1,4 +1,4 @@
-//! Writes a log: a temporary file beside its place, which takes the name only when it is whole.
+//! Writes a log: a file beside its place, which takes the name only when it is whole.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
@@ -6,10 +6,11 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 
 use super::robot_state::{RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, RavenState};
-use super::{Attachment, Channel, Item, RawMessage, Stamp, Walker, topics};
+use super::{Attachment, Channel, Item, RawMessage, Stamp, Walker, live, topics};
 use crate::{Error, Result, files};
 
 const LIBRARY: &str = concat!("raven-cal ", env!("CARGO_PKG_VERSION"));
@@ -49,11 +50,20 @@ pub struct SchemaRef<'a> {
     pub data: &'a [u8],
 }
 
-/// A log being written; dropped before [`LogWriter::finish`], it leaves nothing behind.
+/// Where a log is until it has its name.
+pub(super) enum Place {
+    /// In a file that goes when it is dropped.
+    Temporary(tempfile::NamedTempFile),
+    /// In a file that stays, whatever happens.
+    Active(PathBuf),
+}
+
+/// A log being written; dropped before [`LogWriter::finish`], a computed one leaves nothing behind, and a live one its active file.
 pub struct LogWriter {
-    path: PathBuf,
-    writer: Writer<BufWriter<File>>,
-    temporary: tempfile::NamedTempFile,
+    pub(super) path: PathBuf,
+    pub(super) writer: Writer<NoSeek<BufWriter<File>>>,
+    pub(super) file: File,
+    place: Place,
     channels: HashMap<&'static str, ChannelId>,
     last: Stamp,
 }
@@ -74,10 +84,16 @@ impl LogWriter {
     pub fn with_profile(path: &Path, profile: &str) -> Result<Self> {
         let temporary = files::temporary_beside(path)?;
         let file = temporary.as_file().try_clone().map_err(|e| Error::io(path, "write", e))?;
-        // More threads make compression slower: the work per chunk is too small to share.
-        let options = WriteOptions::new().library(LIBRARY).profile(profile).compression_threads(0);
-        let writer = options.create(BufWriter::with_capacity(1 << 18, file)).map_err(|e| fault(path, e))?;
-        Ok(Self { path: path.to_owned(), writer, temporary, channels: HashMap::new(), last: Stamp(0) })
+        Self::start(path, profile, Place::Temporary(temporary), file)
+    }
+
+    pub(super) fn start(path: &Path, profile: &str, place: Place, file: File) -> Result<Self> {
+        // More threads make compression slower: the work per chunk is too small to share. Chunks written whole leave no file whose last chunk
+        // has no length yet.
+        let options = WriteOptions::new().library(LIBRARY).profile(profile).compression_threads(0).disable_seeking(true);
+        let out = BufWriter::with_capacity(1 << 18, file.try_clone().map_err(|e| Error::io(path, "write", e))?);
+        let writer = options.create(NoSeek::new(out)).map_err(|e| fault(path, e))?;
+        Ok(Self { path: path.to_owned(), writer, file, place, channels: HashMap::new(), last: Stamp(0) })
     }
 
     /// Adds a channel, or finds the one that is the same.
@@ -209,11 +225,18 @@ impl LogWriter {
     /// Completes the file: index, sync, rename.
     ///
     /// # Errors
-    /// If the disk is full; nothing is left behind then.
+    /// If the disk is full; nothing is left behind then, or of a live log its active file.
     pub fn finish(mut self) -> Result<()> {
         self.writer.finish().map_err(|e| fault(&self.path, e))?;
-        self.writer.into_inner().into_inner().map_err(|e| Error::io(&self.path, "write", e.into_error()))?;
-        files::persist(self.temporary, &self.path)
+        let buffer = self.writer.into_inner().into_inner();
+        buffer.into_inner().map_err(|e| Error::io(&self.path, "write", e.into_error()))?;
+        match self.place {
+            Place::Temporary(temporary) => files::persist(temporary, &self.path),
+            Place::Active(active) => {
+                self.file.sync_all().map_err(|e| Error::io(&self.path, "sync", e))?;
+                live::rename(&active, &self.path)
+            }
+        }
     }
 
     /// The channel of one of the known topics, made on first use.
@@ -227,7 +250,7 @@ impl LogWriter {
     }
 }
 
-fn fault(path: &Path, error: McapError) -> Error {
+pub(super) fn fault(path: &Path, error: McapError) -> Error {
     match error {
         McapError::Io(source) => Error::io(path, "write", source),
         other => Error::file(path, format!("the log cannot be written: {other}.")),

@@ -3,6 +3,7 @@
 mod damage;
 mod forks;
 mod laboratory;
+mod live;
 mod round_trip;
 
 use std::collections::BTreeMap;

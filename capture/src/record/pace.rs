@@ -1,0 +1,105 @@
+//! How regular a stream is while it runs: the rule of [`raven::log::StreamQuality`] on a window that moves.
+
+use raven::log::{GAP_FACTOR, Stamp};
+
+/// Intervals that the median is taken of.
+const WINDOW: usize = 127;
+/// The median is taken anew after so many intervals.
+const RENEW: usize = 32;
+/// With fewer intervals there is no telling what is usual.
+const LEAST: usize = 8;
+
+/// Gaps and the longest interval of a stream so far.
+#[derive(Debug, Default)]
+pub struct Pace {
+    last: Option<Stamp>,
+    window: Vec<f64>,
+    next: usize,
+    median_s: Option<f64>,
+    longest_s: Option<f64>,
+    gaps: u64,
+}
+
+impl Pace {
+    /// Takes the stamp of the next message; one that repeats or goes back is no interval.
+    pub fn take(&mut self, stamp: Stamp) {
+        let Some(last) = self.last.filter(|last| stamp > *last) else {
+            self.last = self.last.or(Some(stamp));
+            return;
+        };
+        let interval_s = stamp.seconds_since(last);
+        self.last = Some(stamp);
+        self.longest_s = Some(self.longest_s.map_or(interval_s, |longest| longest.max(interval_s)));
+        self.gaps += u64::from(self.median_s.is_some_and(|median| interval_s > GAP_FACTOR * median));
+        match self.window.get_mut(self.next % WINDOW) {
+            Some(oldest) => *oldest = interval_s,
+            None => self.window.push(interval_s),
+        }
+        self.next += 1;
+        if self.next == LEAST || self.next.is_multiple_of(RENEW) {
+            let mut sorted = self.window.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            self.median_s = sorted.get(sorted.len() / 2).copied();
+        }
+    }
+
+    /// The latest stamp.
+    #[must_use]
+    pub const fn last(&self) -> Option<Stamp> {
+        self.last
+    }
+
+    /// Intervals longer than [`GAP_FACTOR`] medians.
+    #[must_use]
+    pub const fn gaps(&self) -> u64 {
+        self.gaps
+    }
+
+    /// Median of the latest intervals (s), `None` with too few of them.
+    #[must_use]
+    pub const fn median_s(&self) -> Option<f64> {
+        self.median_s
+    }
+
+    /// The longest interval (s).
+    #[must_use]
+    pub const fn longest_s(&self) -> Option<f64> {
+        self.longest_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use raven::log::StreamQuality;
+
+    use super::*;
+
+    #[test]
+    fn a_running_stream_is_judged_as_the_recorded_one() {
+        let (mut pace, mut stamps, mut now) = (Pace::default(), Vec::new(), 1_000_000_000_u64);
+        for i in 0..2000_u64 {
+            // 1 kHz with some jitter; now and then a message is missing, repeated or late by itself.
+            now += if i > 20 && i % 97 == 0 { 2_000_000 } else { 1_000_000 + (i * 7919) % 100_000 };
+            let stamp = if i % 501 == 500 { Stamp(now - 10_000_000) } else { Stamp(now) };
+            pace.take(stamp);
+            if i % 501 != 500 {
+                stamps.push(stamp);
+            }
+        }
+        let quality = StreamQuality::of(&stamps);
+        assert_eq!(pace.gaps(), quality.gaps as u64);
+        assert_eq!(pace.longest_s(), quality.longest_interval_s);
+        assert_eq!(quality.gaps, 20 + 3, "twenty at every 97th, three where a stamp went back");
+    }
+
+    #[test]
+    fn a_stream_that_changes_its_rate_is_judged_by_the_new_one() {
+        let mut pace = Pace::default();
+        (0..200_u64).for_each(|i| pace.take(Stamp(i * 1_000_000)));
+        (1..400_u64).for_each(|i| pace.take(Stamp(200_000_000 + i * 66_000_000)));
+        let before = pace.gaps();
+        assert!(before < 130, "{before}");
+        (400..600_u64).for_each(|i| pace.take(Stamp(200_000_000 + i * 66_000_000)));
+        assert_eq!(pace.gaps(), before);
+    }
+}
