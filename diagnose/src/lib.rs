@@ -2,6 +2,7 @@
 //!
 //! The simulator is the robot model with the parameter file in hand; the gap is what a recording says against it.
 
+pub mod against;
 pub mod attribution;
 pub mod check;
 pub mod evidence;
@@ -22,14 +23,16 @@ use raven::robot::Robot;
 use raven::{Error, Result};
 use serde::Serialize;
 
+use crate::against::Against;
 use crate::attribution::Attribution;
 use crate::gap::Gap;
 use crate::residual::{Channels, Residuals, channels};
-use crate::whereabouts::{Place, Whereabouts};
+use crate::whereabouts::Place;
 
 /// Says how large the gap between a robot and its model is, where it lies, which unmodelled effect causes it, and how far it closes.
 ///
 ///   raven-diagnose tracked.mcap --robot robot.yaml --json report.json
+///   raven-diagnose tracked.mcap --robot robot.yaml --against simulated.mcap    # your own simulator's log of the same motion
 ///   raven-diagnose check blind/ --robot robot.yaml    # verdicts on sealed recordings, then the score; see check --help
 ///   raven-diagnose effects                            # what it can name
 #[derive(Debug, Parser)]
@@ -44,6 +47,9 @@ pub struct Args {
     /// Cameras the tips were tracked with: the tip's gap is then looked at in pixels.
     #[arg(long)]
     cameras: Option<PathBuf>,
+    /// A log of your own simulation of the recording, in the same format: the gap is then real less simulated. Once per recording.
+    #[arg(long, value_name = "SIMULATED")]
+    against: Vec<PathBuf>,
     /// Says how large the gap is and where it lies, and leaves out the causes, which take longest.
     #[arg(long)]
     gap_only: bool,
@@ -67,6 +73,8 @@ pub struct Report {
     places: Vec<Place>,
     where_in_words: Vec<String>,
     model_gap: Vec<Gap>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    against: Option<Against>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     controller: Vec<ControllerDifference>,
     recordings: Vec<String>,
@@ -118,11 +126,29 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let whereabouts = whereabouts::find(&whereabouts::recorded(&robot, cameras.as_ref(), &recordings, &residuals)?);
-    let mut report = Report::new(&robot, &args.logs, &residuals, &whereabouts);
+    let mut report = Report::new(&robot, &args.logs, &residuals);
+    // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
+    let mut lenses = cameras.as_ref();
+    let mut simulations = Vec::new();
+    if !args.against.is_empty() {
+        (recordings, simulations) = against::compare(&robot, cameras.as_ref(), &recordings, &args.against)?;
+        residuals = recordings.iter().map(|recording| channels(recording, &robot)).collect::<Result<_>>()?;
+        lenses = None;
+    }
+    let sorted = whereabouts::recorded(&robot, lenses, &recordings, &residuals)?;
+    let whereabouts = whereabouts::find(&sorted);
+    report.places = whereabouts.listed();
+    report.where_in_words = whereabouts.sentences.clone();
+    let gaps = gaps(&robot, &residuals);
+    if !simulations.is_empty() {
+        report.against = Some(Against::new(&robot, simulations, &gaps, &sorted));
+    }
     if !args.gap_only {
         match causes(&robot, cameras.as_ref(), &recordings) {
-            Ok(attribution) => report.attribution = Some(attribution),
+            Ok(mut attribution) => {
+                attribution.remarks.extend(report.against.as_ref().map(Against::remark));
+                report.attribution = Some(attribution);
+            }
             Err(Error::Data(because)) => report.no_diagnosis = Some(because),
             Err(error) => return Err(error),
         }
@@ -132,7 +158,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         cli::write_json(json, &report)?;
     }
     if let Some(html) = &args.html {
-        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &report.model_gap, &whereabouts);
+        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts);
         if let Some(attribution) = &report.attribution {
             report::add_causes(&mut page, attribution);
         }
@@ -153,29 +179,26 @@ fn causes(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording]) ->
 const STEPS: u64 = 6;
 
 impl Report {
-    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels], whereabouts: &Whereabouts) -> Self {
+    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels]) -> Self {
         let mut report = Self {
             format: "raven-diagnosis/1",
             attribution: None,
             no_diagnosis: None,
-            places: whereabouts.listed(),
-            where_in_words: whereabouts.sentences.clone(),
-            model_gap: Vec::new(),
+            places: Vec::new(),
+            where_in_words: Vec::new(),
+            model_gap: gaps(robot, recordings),
+            against: None,
             controller: Vec::new(),
             recordings: logs.iter().map(|path| path.display().to_string()).collect(),
             unreachable: recordings.iter().map(|r| r.unreachable).sum(),
         };
         for (j, joint) in robot.joints.iter().enumerate() {
             let (unit, scale) = joint.display_unit();
-            let of_joint: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
-            report.model_gap.extend(Gap::new(&joint.name, unit, scale, &together(&of_joint)));
             let differences = recordings.iter().filter_map(|r| r.controller_difference.as_ref()?.get(j));
             if let Some(largest) = differences.copied().reduce(f64::max) {
                 report.controller.push(ControllerDifference { joint: joint.name.clone(), unit, largest: largest * scale });
             }
         }
-        let tips: Vec<&Residuals> = recordings.iter().map(|r| &r.tip).collect();
-        report.model_gap.extend(Gap::new("tip", "mm", 1e3, &together(&tips)));
         report
     }
 
@@ -193,6 +216,9 @@ impl Report {
         for gap in &self.model_gap {
             let Gap { channel, unit, transmission, model, noise_floor, observations } = gap;
             writeln!(out, "{channel:<10} {unit:>4} {transmission:>13.2} {model:>8.2} {noise_floor:>12.2} {observations:>13}")?;
+        }
+        if let Some(against) = &self.against {
+            write!(out, "\n{}", against.words())?;
         }
         self.print_where(out)?;
         if let Some(attribution) = &self.attribution {
@@ -218,7 +244,8 @@ impl Report {
     fn print_where(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let phases: Vec<&Place> = self.places.iter().filter(|place| place.is_phase_of_joint()).collect();
         if !phases.is_empty() {
-            writeln!(out, "\nWhere the gap to the model lies")?;
+            let what = if self.against.is_some() { "simulation" } else { "model" };
+            writeln!(out, "\nWhere the gap to the {what} lies")?;
             writeln!(out, "{:<10} {:<12} {:>4} {:>8} {:>14} {:>13}  p", "joint", "phase", "unit", "rms", "of the excess", "of the time")?;
         }
         for place in phases {
@@ -232,6 +259,18 @@ impl Report {
         }
         self.where_in_words.iter().try_for_each(|sentence| writeln!(out, "{sentence}"))
     }
+}
+
+/// The gap of every joint and of the tip.
+fn gaps(robot: &Robot, recordings: &[Channels]) -> Vec<Gap> {
+    let of_joint = |(j, joint): (usize, &raven::robot::Joint)| {
+        let (unit, scale) = joint.display_unit();
+        let residuals: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
+        Gap::new(&joint.name, unit, scale, &together(&residuals))
+    };
+    let tips: Vec<&Residuals> = recordings.iter().map(|r| &r.tip).collect();
+    let joints = robot.joints.iter().enumerate().filter_map(of_joint);
+    joints.chain(Gap::new("tip", "mm", 1e3, &together(&tips))).collect()
 }
 
 fn together(recordings: &[&Residuals]) -> Residuals {

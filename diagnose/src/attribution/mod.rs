@@ -9,6 +9,7 @@ mod words;
 
 pub use closure::{Closure, Share};
 pub use detectable::Detectable;
+pub(crate) use fitness::RANGE_MIN;
 pub use fitness::check_fitness;
 pub use ties::Tied;
 pub use verdict::Word;

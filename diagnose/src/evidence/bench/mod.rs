@@ -73,6 +73,12 @@ impl<'a> Bench<'a> {
         &self.recordings
     }
 
+    /// Inverse deviations of a recording's joints and torques, sample by sample; 0 where they say nothing.
+    #[must_use]
+    pub fn weights(&self, recording: usize) -> &[[Vector3<f64>; 2]] {
+        &self.weights[recording]
+    }
+
     /// The same with part of the samples counting less: `counts` says of a recording and time [s] what the weights are multiplied by.
     #[must_use]
     pub fn weighted(mut self, counts: impl Fn(usize, f64) -> f64) -> Self {
