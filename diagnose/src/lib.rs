@@ -158,7 +158,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         cli::write_json(json, &report)?;
     }
     if let Some(html) = &args.html {
-        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts);
+        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
         if let Some(attribution) = &report.attribution {
             report::add_causes(&mut page, attribution);
         }

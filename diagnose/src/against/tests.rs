@@ -25,9 +25,10 @@ fn record(folder: &Path, name: &str, motion: Motion, hidden: &[&str], start_s: f
 /// The report and what is printed, or the error.
 fn diagnosed(folder: &Path, real: &Path, simulated: &[&Path], robot: &Robot, gap_only: bool) -> Result<(Value, String), String> {
     let path = |p: &Path| p.display().to_string();
-    let (file, json) = (folder.join("robot.yaml"), folder.join("report.json"));
+    let [file, json, html] = ["robot.yaml", "report.json", "report.html"].map(|name| folder.join(name));
     std::fs::write(&file, robot.to_yaml()).unwrap();
     let mut line = vec!["raven-diagnose".to_owned(), path(real), "--robot".to_owned(), path(&file), "--json".to_owned(), path(&json)];
+    line.extend(["--html".to_owned(), path(&html)]);
     simulated.iter().for_each(|p| line.extend(["--against".to_owned(), path(p)]));
     line.extend(gap_only.then(|| "--gap-only".to_owned()));
     let mut out = Vec::new();
@@ -72,6 +73,12 @@ fn what_a_simulation_lacks_is_named_whatever_its_clock() {
         let size = report["effects"][0]["parameters"][0]["value"].as_f64().unwrap();
         assert!((size + 0.04).abs() < 0.004, "{size}");
         assert!(words.contains("pulley-radius at the elbow") && words.contains("the simulation lacks"), "{words}");
+        // The page has before and after, says what it was held against, and stays small.
+        let page = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+        for part in ["class=\"line-before\"", "class=\"line-after\"", "simulation of"] {
+            assert!(page.contains(part), "{part}");
+        }
+        assert!(page.len() < 400_000, "{} bytes", page.len());
         let closed = report["gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "elbow").unwrap();
         assert!(closed["closed"].as_f64().unwrap() > 0.95, "{closed}");
     }

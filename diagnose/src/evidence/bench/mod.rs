@@ -22,6 +22,7 @@ pub use signs::Signs;
 pub type Errors = (Vec<[Vector3<f64>; 3]>, Vector3<f64>);
 
 /// Recordings of a bench.
+#[derive(Clone)]
 pub struct Bench<'a> {
     robot: &'a Robot,
     recordings: Vec<Recorded>,
