@@ -25,7 +25,7 @@ use serde::Serialize;
 
 use crate::against::Against;
 use crate::attribution::Attribution;
-use crate::gap::Gap;
+use crate::gap::{Gap, MotorMotion};
 use crate::residual::{Channels, Residuals, channels};
 use crate::whereabouts::Place;
 
@@ -75,6 +75,8 @@ pub struct Report {
     model_gap: Vec<Gap>,
     #[serde(skip_serializing_if = "Option::is_none")]
     against: Option<Against>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    motor_motion: Vec<MotorMotion>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     controller: Vec<ControllerDifference>,
     recordings: Vec<String>,
@@ -139,6 +141,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let whereabouts = whereabouts::find(&sorted);
     report.places = whereabouts.listed();
     report.where_in_words = whereabouts.sentences.clone();
+    report.motor_motion = gap::motor_motion(&sorted);
     let gaps = gaps(&robot, &residuals);
     if !simulations.is_empty() {
         report.against = Some(Against::new(&robot, simulations, &gaps, &sorted));
@@ -188,6 +191,7 @@ impl Report {
             where_in_words: Vec::new(),
             model_gap: gaps(robot, recordings),
             against: None,
+            motor_motion: Vec::new(),
             controller: Vec::new(),
             recordings: logs.iter().map(|path| path.display().to_string()).collect(),
             unreachable: recordings.iter().map(|r| r.unreachable).sum(),
@@ -220,6 +224,7 @@ impl Report {
         if let Some(against) = &self.against {
             write!(out, "\n{}", against.words())?;
         }
+        write!(out, "{}", gap::motor_words(&self.motor_motion))?;
         self.print_where(out)?;
         if let Some(attribution) = &self.attribution {
             write!(out, "\n{}", attribution::words(attribution))?;

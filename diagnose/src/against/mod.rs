@@ -11,7 +11,9 @@
 //! is named is what the robot has and the simulation lacks. What is interpolated to the real stamps is the departure, which is smooth and
 //! small, not the motion.
 //!
-//! The clocks are set by the motors' paths, see [`shift`]: a simulation may start at any epoch.
+//! The clocks are set by the motors' paths, see [`shift`]: a simulation may start at any epoch. A controller that lags more in one of the two
+//! moves the shift by its lag. That does little harm: each log's tip is held against its own motors, and the shift only says which of the
+//! simulation's departures belongs to which stamp.
 
 mod deviation;
 mod shift;
@@ -21,6 +23,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use raven::camera::Cameras;
+use raven::effects::Stage;
 use raven::log::{JointSeries, Recording, TipStatus};
 use raven::robot::{KinematicsKind, Robot};
 use raven::stats::rms;
@@ -206,7 +209,7 @@ impl Against {
             Some(ChannelGap { channel: format!("{} motor", joint.name), unit, rms: rms(&away)?, noise_floor: 0.0, observations })
         };
         let mut gap: Vec<ChannelGap> = gaps.iter().map(of_model).collect();
-        gap.extend(channels.iter().filter(|channel| channel.stage == raven::effects::Stage::Motor).filter_map(of_torque));
+        gap.extend(channels.iter().filter(|channel| channel.stage == Stage::Motor && channel.horizon_s.is_none()).filter_map(of_torque));
         gap.extend(robot.joints.iter().enumerate().take(3).filter_map(of_motor));
         Self { simulations, gap }
     }

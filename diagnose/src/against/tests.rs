@@ -13,12 +13,16 @@ use clap::Parser;
 
 const SECONDS: f64 = 30.0;
 
-/// Records a robot with something hidden; stamps begin at `start_s`.
+/// Records an arm with something hidden; stamps begin at `start_s`.
 fn record(folder: &Path, name: &str, motion: Motion, hidden: &[&str], start_s: f64) -> PathBuf {
+    record_robot(&nominal::gold(), folder, name, motion, hidden, start_s)
+}
+
+fn record_robot(robot: &Robot, folder: &Path, name: &str, motion: Motion, hidden: &[&str], start_s: f64) -> PathBuf {
     let path = folder.join(format!("{name}.mcap"));
     let effects = hidden.iter().map(|text| text.parse().unwrap()).collect();
     let options = Options { effects, start: Stamp(0).plus_seconds(start_s), ..Options::default() };
-    Session::new(&nominal::gold(), options).unwrap().record(motion, SECONDS, &path, |_| {}).unwrap();
+    Session::new(robot, options).unwrap().record(motion, SECONDS, &path, |_| {}).unwrap();
     path
 }
 
@@ -128,4 +132,19 @@ fn a_simulation_that_logs_joints_and_no_tip_serves_as_well() {
     (without_tip.joint_encoders, without_tip.motor.as_mut().unwrap().effort) = (None, None);
     let refused = super::corrected(&robot, None, &real, &without_tip, &without_tip.path).unwrap_err().to_string();
     assert!(refused.contains("no channel in common"), "{refused}");
+}
+
+#[test]
+fn a_bench_is_held_against_its_simulation_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = Robot::parse(Path::new("slide.yaml"), include_str!("../../tests/slide.yaml")).unwrap();
+    let bench = |name, hidden: &[&str], start_s| record_robot(&robot, folder.path(), name, Motion::Bench, hidden, start_s);
+    let real = bench("real", &["motor-coulomb-friction:carriage=2.5"], 1e9);
+    let (report, words) = diagnosed(folder.path(), &real, &[&bench("simulated", &[], 3.0)], &robot, false).unwrap();
+    let shift_s = report["against"]["simulations"][0]["shift_s"].as_f64().unwrap();
+    // The controller lags behind more where there is more friction.
+    assert!((shift_s - (1e9 - 3.0)).abs() < 0.03, "{shift_s}");
+    // 2.5 times 5 N instead of 5 N.
+    assert!((rms(&report, "carriage force") - 7.5).abs() < 0.5, "{words}");
+    assert_eq!(report["effects"][0]["id"], "motor-coulomb-friction", "{words}");
 }

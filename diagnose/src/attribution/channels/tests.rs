@@ -8,17 +8,8 @@ use raven::simulation::{Motion, Options, Session};
 
 use crate::attribution::{Attribution, Closure, Word, attribute};
 
-/// A slide whose drive feels its motor's friction and nothing of its joint.
-const SLIDE: &str = "format: raven-robot/1\nname: slide\nkinematics: {kind: bench}\n\
-    source: {topic: /motor/joint_states, format: joint_state}\njoints:\n  - {name: carriage, type: prismatic, gear_ratio: 1.0, \
-    motor_capstan_radius: 1.0, link_pulley_radius: 1.0, cable: {stiffness: 5000.0, damping: 30.0}, \
-    motor: {inertia: 5.0, coulomb_friction: 5.0, viscous_friction: 20.0}, link_friction: {coulomb: 10.0, viscous: 50.0}}\n\
-    links:\n  - {mass: 2.0, center_of_mass: [0.0, 0.0, 0.0], inertia: [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]}\n";
-
 fn slide() -> Robot {
-    let gold = raven::robot::nominal::GOLD_YAML;
-    let text = format!("{SLIDE}{}", &gold[gold.find("tolerances:").unwrap()..]);
-    Robot::parse(Path::new("slide.yaml"), &text).unwrap()
+    Robot::parse(Path::new("slide.yaml"), include_str!("../../../tests/slide.yaml")).unwrap()
 }
 
 fn of(robot: &Robot, hidden: &[&str]) -> Attribution {

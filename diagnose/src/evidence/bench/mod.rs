@@ -68,6 +68,12 @@ impl<'a> Bench<'a> {
         self.signs.iter().flat_map(|signs| signs.remarks.iter().map(String::as_str)).collect()
     }
 
+    /// Speeds of the motors below which the direction of their friction is in doubt [rad/s or m/s].
+    #[must_use]
+    pub fn creep(&self) -> Vector3<f64> {
+        self.creep
+    }
+
     /// Recordings.
     #[must_use]
     pub fn recordings(&self) -> &[Recorded] {
