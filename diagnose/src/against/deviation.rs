@@ -67,7 +67,7 @@ pub(super) struct Deviation {
     /// Tip of an arm [m], at its stamps; `None` where neither tip nor joints were logged.
     pub tip: Option<Series>,
     /// Joints of a bench [rad or m]; `None` where they were not logged.
-    pub joints: Option<Series>,
+    pub joints: Option<[Series; 3]>,
     /// Torque of each joint's drive [N m or N]; `None` where it was not logged.
     pub torque: Option<[Series; 3]>,
 }
@@ -93,7 +93,7 @@ impl Deviation {
         for ((shaft, moving), weight) in data.shafts.iter().zip(moving).zip(rows.torque_weights(0)) {
             let moving = moving.unwrap_or_else(|| drives.rigid(shaft));
             let lacking = drives.delivered(&shaft.commanded) - drives.needed(shaft, &moving);
-            push_torque(&mut torque, shaft.time_s, &lacking, weight);
+            push_counted(&mut torque, shaft.time_s, &lacking, weight);
         }
         Ok(Self {
             tip: (!tip.time_s.is_empty()).then_some(tip),
@@ -109,24 +109,20 @@ impl Deviation {
         let sign = |of: fn(&Signs) -> f64| Vector3::from_fn(|j, _| signs.get(j).map_or(1.0, of));
         let (joint_sign, torque_sign) = (sign(|s| s.joint), sign(|s| s.torque));
         let errors = bench.errors(&[], &[Channel::Tip, Channel::Torque])?;
-        let (mut joints, mut torque) = (Series::default(), <[Series; 3]>::default());
+        let (mut joints, mut torque) = <([Series; 3], [Series; 3])>::default();
         for (r, recorded) in bench.recordings().iter().enumerate() {
-            for ((driven, [joint, lacking, _]), [_, weight]) in recorded.driven.iter().zip(&errors[r].0).zip(bench.weights(r)) {
-                let known = Vector3::from_fn(|j, _| if j < robot.joints.len() { joint[j] } else { 0.0 });
-                joints.push(driven.shaft.time_s, known.component_mul(&joint_sign), Matrix3::zeros());
-                push_torque(&mut torque, driven.shaft.time_s, &lacking.component_mul(&torque_sign), weight);
+            for ((driven, [joint, lacking, _]), weights) in recorded.driven.iter().zip(&errors[r].0).zip(bench.weights(r)) {
+                push_counted(&mut joints, driven.shaft.time_s, &joint.component_mul(&joint_sign), &weights[0]);
+                push_counted(&mut torque, driven.shaft.time_s, &lacking.component_mul(&torque_sign), &weights[1]);
             }
         }
-        Ok(Self {
-            tip: None,
-            joints: simulated[0].joint_encoders.as_ref().map(|_| joints).filter(|series| !series.time_s.is_empty()),
-            torque: torque.iter().any(|series| !series.time_s.is_empty()).then_some(torque),
-        })
+        let any = |series: [Series; 3]| series.iter().any(|series| !series.time_s.is_empty()).then_some(series);
+        Ok(Self { tip: None, joints: any(joints), torque: any(torque) })
     }
 }
 
-/// Near rest the direction of friction is in doubt, and with it what the model needs.
-fn push_torque(torque: &mut [Series; 3], time_s: f64, lacking: &Vector3<f64>, weight: &Vector3<f64>) {
+/// Near rest the direction of friction is in doubt, and with it what the model needs and how far its cables stretch.
+fn push_counted(torque: &mut [Series; 3], time_s: f64, lacking: &Vector3<f64>, weight: &Vector3<f64>) {
     for (j, series) in torque.iter_mut().enumerate() {
         if weight[j] > 0.0 {
             series.push(time_s, Vector3::repeat(lacking[j]), Matrix3::zeros());

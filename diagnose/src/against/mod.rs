@@ -108,6 +108,7 @@ fn corrected(
     let refused = |why: String| Error::file(path, format!("cannot be held against {recording}: {why}."));
     let found = shift::shift(robot, motors, own).map_err(refused)?;
     let to_own = |time_s: f64| time_s - found.shift_s;
+    let covered = |time_s: f64| own.time_s.first().zip(own.time_s.last()).is_some_and(|(a, b)| (*a..=*b).contains(&to_own(time_s)));
     let mut put_right = real.clone();
     let signs = match robot.kinematics {
         KinematicsKind::Bench => {
@@ -131,7 +132,7 @@ fn corrected(
         }
     }
     if let Some(series) = put_right.joint_encoders.as_mut() {
-        let away = |j: usize, time_s: f64| deviation.joints.as_ref()?.at(to_own(time_s)).map(|(away, _)| away[j]);
+        let away = |j: usize, time_s: f64| Some(deviation.joints.as_ref()?.get(j)?.held(to_own(time_s))).filter(|_| covered(time_s));
         subtract(&series.time_s, &mut series.position, &away);
     }
     if deviation.joints.is_none() && matches!(robot.kinematics, KinematicsKind::Bench) {
@@ -140,7 +141,6 @@ fn corrected(
     if let Some(JointSeries { time_s, effort, .. }) = put_right.motor.as_mut() {
         *effort = effort.take().zip(deviation.torque.as_ref()).map(|(mut effort, torque)| {
             // Near rest torque says nothing of either: what is known before and after stands in, for the other joints' sake.
-            let covered = |time_s: f64| own.time_s.first().zip(own.time_s.last()).is_some_and(|(a, b)| (*a..=*b).contains(&to_own(time_s)));
             subtract(time_s, &mut effort, &|j, time_s| covered(time_s).then(|| torque[j].held(to_own(time_s))));
             effort
         });
