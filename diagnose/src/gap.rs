@@ -4,6 +4,7 @@ use raven::stats::rms;
 use serde::Serialize;
 
 use crate::residual::Residuals;
+use crate::whereabouts::Channel;
 
 /// The gap of one channel.
 #[derive(Debug, Clone, Serialize)]
@@ -36,6 +37,52 @@ impl Gap {
             observations: residuals.error.len(),
         })
     }
+}
+
+/// How far the motors come away from where they were recorded, driven by the recorded torque through the model for a horizon.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MotorMotion {
+    /// Joint.
+    pub joint: String,
+    /// Unit of `rms`: that of the joint, which the motor's angle is taken to rigidly.
+    pub unit: &'static str,
+    /// The motors were where they were recorded to be so long before [s].
+    pub horizon_s: f64,
+    /// RMS of recorded less simulated.
+    pub rms: f64,
+    /// Horizons behind it.
+    pub observations: usize,
+}
+
+/// Of the channels that have a horizon of their own.
+#[must_use]
+pub fn motor_motion(channels: &[Channel]) -> Vec<MotorMotion> {
+    let of = |channel: &Channel| {
+        let error: Vec<f64> = channel.tracks.iter().flat_map(|track| &track.error).copied().collect();
+        Some(MotorMotion {
+            joint: channel.joint.clone()?,
+            unit: channel.unit,
+            horizon_s: channel.horizon_s?,
+            rms: rms(&error)? * channel.scale,
+            observations: error.len(),
+        })
+    };
+    channels.iter().filter_map(of).collect()
+}
+
+/// Motor motion as a terminal shows it: a line per joint, a column per horizon.
+#[must_use]
+pub fn motor_words(all: &[MotorMotion]) -> String {
+    let mut text = String::new();
+    for of_joint in all.chunk_by(|a, b| a.joint == b.joint) {
+        if text.is_empty() {
+            text += "\nMotors driven by the recorded torque through the model (rms from where they were recorded, at the joint)\n";
+        }
+        let [first, ..] = of_joint else { continue };
+        let columns: Vec<String> = of_joint.iter().map(|m| format!("{:.3} after {} s", m.rms, m.horizon_s)).collect();
+        text += &format!("{:<10} {:>4}  {}\n", first.joint, first.unit, columns.join(", "));
+    }
+    text
 }
 
 #[cfg(test)]

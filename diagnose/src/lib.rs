@@ -2,6 +2,7 @@
 //!
 //! The simulator is the robot model with the parameter file in hand; the gap is what a recording says against it.
 
+pub mod against;
 pub mod attribution;
 pub mod check;
 pub mod evidence;
@@ -18,18 +19,20 @@ use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::Recording;
-use raven::robot::Robot;
+use raven::robot::{KinematicsKind, Robot};
 use raven::{Error, Result};
 use serde::Serialize;
 
+use crate::against::Against;
 use crate::attribution::Attribution;
-use crate::gap::Gap;
+use crate::gap::{Gap, MotorMotion};
 use crate::residual::{Channels, Residuals, channels};
-use crate::whereabouts::{Place, Whereabouts};
+use crate::whereabouts::Place;
 
 /// Says how large the gap between a robot and its model is, where it lies, which unmodelled effect causes it, and how far it closes.
 ///
 ///   raven-diagnose tracked.mcap --robot robot.yaml --json report.json
+///   raven-diagnose tracked.mcap --robot robot.yaml --against simulated.mcap    # your own simulator's log of the same motion
 ///   raven-diagnose check blind/ --robot robot.yaml    # verdicts on sealed recordings, then the score; see check --help
 ///   raven-diagnose effects                            # what it can name
 #[derive(Debug, Parser)]
@@ -44,6 +47,9 @@ pub struct Args {
     /// Cameras the tips were tracked with: the tip's gap is then looked at in pixels.
     #[arg(long)]
     cameras: Option<PathBuf>,
+    /// A log of your own simulation of the recording, in the same format: the gap is then real less simulated. Once per recording.
+    #[arg(long, value_name = "SIMULATED")]
+    against: Vec<PathBuf>,
     /// Says how large the gap is and where it lies, and leaves out the causes, which take longest.
     #[arg(long)]
     gap_only: bool,
@@ -67,6 +73,10 @@ pub struct Report {
     places: Vec<Place>,
     where_in_words: Vec<String>,
     model_gap: Vec<Gap>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    against: Option<Against>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    motor_motion: Vec<MotorMotion>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     controller: Vec<ControllerDifference>,
     recordings: Vec<String>,
@@ -124,11 +134,32 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let whereabouts = whereabouts::find(&whereabouts::recorded(&robot, cameras.as_ref(), &recordings, &residuals)?);
-    let mut report = Report::new(&robot, &args.logs, &residuals, &whereabouts);
-    if !args.gap_only {
+    let mut report = Report::new(&robot, &args.logs, &residuals);
+    // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
+    let mut lenses = cameras.as_ref();
+    let mut simulations = Vec::new();
+    if !args.against.is_empty() {
+        (recordings, simulations) = against::compare(&robot, cameras.as_ref(), &recordings, &args.against)?;
+        residuals = recordings.iter().map(|recording| channels(recording, &robot)).collect::<Result<_>>()?;
+        lenses = None;
+    }
+    let sorted = whereabouts::recorded(&robot, lenses, &recordings, &residuals)?;
+    let whereabouts = whereabouts::find(&sorted);
+    report.places = whereabouts.listed();
+    report.where_in_words = whereabouts.sentences.clone();
+    report.motor_motion = gap::motor_motion(&sorted);
+    let gaps = gaps(&robot, &residuals);
+    if !simulations.is_empty() {
+        report.against = Some(Against::new(&robot, simulations, &gaps, &sorted));
+    }
+    if report.against.is_some() && matches!(robot.kinematics, KinematicsKind::Bench) {
+        report.no_diagnosis = Some(NO_CAUSES_OF_BENCH.to_owned());
+    } else if !args.gap_only {
         match causes(&robot, cameras.as_ref(), &recordings) {
-            Ok(attribution) => report.attribution = Some(attribution),
+            Ok(mut attribution) => {
+                attribution.remarks.extend(report.against.as_ref().map(Against::remark));
+                report.attribution = Some(attribution);
+            }
             Err(Error::Data(because)) => report.no_diagnosis = Some(because),
             Err(error) => return Err(error),
         }
@@ -138,7 +169,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         cli::write_json(json, &report)?;
     }
     if let Some(html) = &args.html {
-        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &report.model_gap, &whereabouts);
+        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
         if let Some(attribution) = &report.attribution {
             report::add_causes(&mut page, attribution);
         }
@@ -155,33 +186,35 @@ fn causes(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording]) ->
     attribution
 }
 
+/// On a simulated slide whose friction was 2.5 times the simulation's the search found nothing: it must not say that there is nothing.
+const NO_CAUSES_OF_BENCH: &str = "Causes of a bench's gap to a simulation are not looked for: a known one was not found on trial. Run without \
+                                  --against for the causes of its gap to the robot file.";
+
 /// Steps of a search that finds two effects.
 const STEPS: u64 = 6;
 
 impl Report {
-    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels], whereabouts: &Whereabouts) -> Self {
+    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels]) -> Self {
         let mut report = Self {
             format: "raven-diagnosis/1",
             attribution: None,
             no_diagnosis: None,
-            places: whereabouts.listed(),
-            where_in_words: whereabouts.sentences.clone(),
-            model_gap: Vec::new(),
+            places: Vec::new(),
+            where_in_words: Vec::new(),
+            model_gap: gaps(robot, recordings),
+            against: None,
+            motor_motion: Vec::new(),
             controller: Vec::new(),
             recordings: logs.iter().map(|path| path.display().to_string()).collect(),
             unreachable: recordings.iter().map(|r| r.unreachable).sum(),
         };
         for (j, joint) in robot.joints.iter().enumerate() {
             let (unit, scale) = joint.display_unit();
-            let of_joint: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
-            report.model_gap.extend(Gap::new(&joint.name, unit, scale, &together(&of_joint)));
             let differences = recordings.iter().filter_map(|r| r.controller_difference.as_ref()?.get(j));
             if let Some(largest) = differences.copied().reduce(f64::max) {
                 report.controller.push(ControllerDifference { joint: joint.name.clone(), unit, largest: largest * scale });
             }
         }
-        let tips: Vec<&Residuals> = recordings.iter().map(|r| &r.tip).collect();
-        report.model_gap.extend(Gap::new("tip", "mm", 1e3, &together(&tips)));
         report
     }
 
@@ -200,6 +233,10 @@ impl Report {
             let Gap { channel, unit, transmission, model, noise_floor, observations } = gap;
             writeln!(out, "{channel:<10} {unit:>4} {transmission:>13.2} {model:>8.2} {noise_floor:>12.2} {observations:>13}")?;
         }
+        if let Some(against) = &self.against {
+            write!(out, "\n{}", against.words())?;
+        }
+        write!(out, "{}", gap::motor_words(&self.motor_motion))?;
         self.print_where(out)?;
         if let Some(attribution) = &self.attribution {
             write!(out, "\n{}", attribution::words(attribution))?;
@@ -224,7 +261,8 @@ impl Report {
     fn print_where(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let phases: Vec<&Place> = self.places.iter().filter(|place| place.is_phase_of_joint()).collect();
         if !phases.is_empty() {
-            writeln!(out, "\nWhere the gap to the model lies")?;
+            let what = if self.against.is_some() { "simulation" } else { "model" };
+            writeln!(out, "\nWhere the gap to the {what} lies")?;
             writeln!(out, "{:<10} {:<12} {:>4} {:>8} {:>14} {:>13}  p", "joint", "phase", "unit", "rms", "of the excess", "of the time")?;
         }
         for place in phases {
@@ -238,6 +276,18 @@ impl Report {
         }
         self.where_in_words.iter().try_for_each(|sentence| writeln!(out, "{sentence}"))
     }
+}
+
+/// The gap of every joint and of the tip.
+fn gaps(robot: &Robot, recordings: &[Channels]) -> Vec<Gap> {
+    let of_joint = |(j, joint): (usize, &raven::robot::Joint)| {
+        let (unit, scale) = joint.display_unit();
+        let residuals: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
+        Gap::new(&joint.name, unit, scale, &together(&residuals))
+    };
+    let tips: Vec<&Residuals> = recordings.iter().map(|r| &r.tip).collect();
+    let joints = robot.joints.iter().enumerate().filter_map(of_joint);
+    joints.chain(Gap::new("tip", "mm", 1e3, &together(&tips))).collect()
 }
 
 fn together(recordings: &[&Residuals]) -> Residuals {

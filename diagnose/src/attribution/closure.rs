@@ -7,16 +7,15 @@
 //! `before` is the model with the file in hand, `after` the same with the effects and nothing else. Intervals are those of a bootstrap over
 //! blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
 
-use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use raven::Result;
-use raven::effects::{TipModel, TorqueModel};
 use serde::Serialize;
 
+use super::channels::{Sample, Sampled};
+use super::remaining::Remaining;
 use crate::evidence::coordinates::Coordinates;
-use crate::evidence::data::WINDOW_S;
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::rows::{Inflation, Observed, Rows, Setting};
+use crate::evidence::rows::Setting;
 
 /// The gap of one channel, before and after.
 #[derive(Debug, Clone, Serialize)]
@@ -73,26 +72,33 @@ struct Squares {
 /// Shares of all effects where subsets of them (as bits) close so much.
 type SharesOf<'a> = dyn Fn(&dyn Fn(usize) -> f64) -> Vec<Share> + 'a;
 
-/// The gap of every channel that was recorded.
+/// The gap of every channel that was recorded, and its residuals where there are effects.
 ///
 /// # Errors
-/// If the robot is no arm.
-pub(super) fn closures(rows: &Rows, coordinates: &Coordinates, named: &Hypothesis) -> Result<Vec<Closure>> {
-    let robot = rows.robot();
-    let mut channels: Vec<(String, &'static str, f64, Squares)> = Vec::new();
-    for joint in robot.joints.iter().take(3) {
-        let (unit, scale) = joint.display_unit();
-        channels.push((joint.name.clone(), unit, scale, Squares::default()));
-    }
-    channels.push(("tip".to_owned(), "mm", 1e3, Squares::default()));
-    channels.extend(robot.joints.iter().take(3).map(|joint| (format!("{} torque", joint.name), "N m", 1.0, Squares::default())));
+/// If the robot does not fit the recordings.
+pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis) -> Result<(Vec<Closure>, Vec<Remaining>)> {
+    let measured = rows.measured();
     let count = named.effects.len();
+    let mut squares = vec![Squares { of_subset: vec![Vec::new(); 1 << count], ..Squares::default() }; measured.len()];
+    let mut pairs: Vec<(Sample, f64)> = Vec::new();
     for fold in 0..2 {
         let effects = if count == 0 { Vec::new() } else { fitted_elsewhere(rows, coordinates, named, fold)? };
-        for subset in 0..1 << count {
+        let with = |subset: usize| {
             let settings: Vec<Setting> =
                 effects.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, setting)| setting.clone()).collect();
-            collect(rows, &settings, fold, subset, &mut channels)?;
+            rows.samples(&settings)
+        };
+        let of_subset: Vec<Vec<Sample>> = (0..1 << count).map(with).collect::<Result<_>>()?;
+        // Every subset has to count the same samples.
+        let counts = |k: &usize| of_subset.iter().all(|samples| samples[*k].error.is_finite());
+        let here = |k: &usize| block(of_subset[0][*k].time_s) % 2 == fold;
+        for k in (0..of_subset[0].len()).filter(here).filter(counts) {
+            let sample = of_subset[0][k];
+            let of_channel = &mut squares[sample.channel];
+            of_channel.block.push((sample.recording << 32) + block(sample.time_s));
+            of_channel.floor.push(sample.variance);
+            of_subset.iter().zip(&mut of_channel.of_subset).for_each(|(samples, squares)| squares.push(samples[k].error.powi(2)));
+            pairs.extend(of_subset.last().map(|last| (sample, last[k].error)));
         }
     }
     let shares_of = |closed: &dyn Fn(usize) -> f64| -> Vec<Share> {
@@ -101,20 +107,19 @@ pub(super) fn closures(rows: &Rows, coordinates: &Coordinates, named: &Hypothesi
         }
         let share = |(k, &effect): (usize, &usize)| {
             let sited = coordinates.sited[effect];
-            Share { id: sited.effect.id, joint: sited.joint(robot), closed: shapley(count, k, closed) }
+            Share { id: sited.effect.id, joint: sited.joint(rows.robot()), closed: shapley(count, k, closed) }
         };
         named.effects.iter().enumerate().map(share).collect()
     };
-    Ok(channels.iter().filter_map(|(channel, unit, scale, squares)| closure(channel, unit, *scale, squares, &shares_of)).collect())
+    let closures =
+        measured.iter().zip(&squares).filter_map(|(m, squares)| closure(&m.name, m.unit, m.scale, squares, &shares_of)).collect();
+    Ok((closures, if count == 0 { Vec::new() } else { Remaining::of(&measured, pairs) }))
 }
 
 /// The named effects with the values that the other half of the blocks gives them.
-fn fitted_elsewhere(rows: &Rows, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Vec<Setting>> {
-    let others = rows.inflated(|_, time_s| {
-        let inflation = if block(time_s) % 2 == fold { f64::INFINITY } else { 1.0 };
-        Inflation { tip: inflation, torque: Vector3::repeat(inflation) }
-    });
-    let fitted = Fitter { rows: &others, coordinates }.fit(&named.effects, &named.u, None)?;
+fn fitted_elsewhere(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Vec<Setting>> {
+    let others = rows.only(&|time_s| block(time_s) % 2 != fold);
+    let fitted = Fitter { rows: others.as_ref(), coordinates }.fit(&named.effects, &named.u, None)?;
     let u = fitted.map_or_else(|| named.u.clone(), |hypothesis| hypothesis.u);
     let setting = |&effect: &usize| (coordinates.sited[effect], coordinates.of(effect).map(|c| u[c]).collect());
     Ok(named.effects.iter().map(setting).collect())
@@ -124,62 +129,11 @@ fn block(time_s: f64) -> usize {
     (time_s / BLOCK_S).max(0.0) as usize
 }
 
-/// Squared errors on the blocks of a fold.
-fn collect(
-    rows: &Rows,
-    settings: &[Setting],
-    fold: usize,
-    subset: usize,
-    channels: &mut [(String, &'static str, f64, Squares)],
-) -> Result<()> {
-    let model = rows.model(settings)?;
-    let nominal = rows.robot().arm()?;
-    let torque = TorqueModel::new(&model)?;
-    let mut add = |channel: usize, block: usize, square: f64, floor: f64| {
-        let squares = &mut channels[channel].3;
-        if squares.of_subset.len() <= subset {
-            squares.of_subset.resize(subset + 1, Vec::new());
-        }
-        squares.of_subset[subset].push(square);
-        if subset == 0 {
-            squares.block.push(block);
-            squares.floor.push(floor);
-        }
-    };
-    for (r, data) in rows.data().iter().enumerate() {
-        let tip = TipModel::new(&model, &data.motors)?;
-        let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
-        let (seen, moving) = tip.rolled_out(&data.sights, &times, WINDOW_S);
-        for (sight, seen) in data.sights.iter().zip(seen).filter(|(sight, _)| block(sight.stamp_s) % 2 == fold) {
-            let at = (r << 32) + block(sight.stamp_s);
-            let error = seen.map(|seen| sight.position_m - seen).filter(|e| e.iter().all(|v| v.is_finite()));
-            let motors = data.motors.at(sight.stamp_s);
-            let Some((error, (motor, _))) = error.zip(motors) else {
-                // Every subset has to count the same samples.
-                (0..4).for_each(|channel| add(channel, at, 0.0, 0.0));
-                continue;
-            };
-            add(3, at, error.norm_squared(), sight.covariance_m2.trace());
-            let slope = nominal.kinematics.jacobian(&nominal.transmission.joint_from_motor(&motor)).try_inverse();
-            let slope = slope.unwrap_or_else(nalgebra::Matrix3::zeros);
-            let (joint, covariance) = (slope * error, slope * sight.covariance_m2 * slope.transpose());
-            (0..3).for_each(|j| add(j, at, joint[j].powi(2), covariance[(j, j)]));
-        }
-        for ((shaft, moving), weight) in data.shafts.iter().zip(moving).zip(rows.torque_weights(r)) {
-            if block(shaft.time_s) % 2 != fold {
-                continue;
-            }
-            let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
-            let error = torque.delivered(&shaft.commanded) - torque.needed(shaft, &moving);
-            let at = (r << 32) + block(shaft.time_s);
-            (0..3).filter(|&j| weight[j] > 0.0).for_each(|j| add(4 + j, at, error[j].powi(2), 0.0));
-        }
-    }
-    Ok(())
-}
-
 fn closure(channel: &str, unit: &'static str, scale: f64, squares: &Squares, shares_of: &SharesOf) -> Option<Closure> {
     let (first, last) = (squares.of_subset.first()?, squares.of_subset.last()?);
+    if first.is_empty() {
+        return None;
+    }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (before, after, floor) = (mean(first), mean(last), mean(&squares.floor));
     let gap = before > GAP_MIN * floor && before > 0.0;

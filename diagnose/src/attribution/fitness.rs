@@ -10,7 +10,7 @@ use crate::evidence::data::Data;
 const TIME_MIN_S: f64 = 5.0;
 const TIPS_MIN: usize = 60;
 /// A joint moves if it covers so much [rad, m].
-const RANGE_MIN: [f64; 2] = [0.02, 0.002];
+pub(crate) const RANGE_MIN: [f64; 2] = [0.02, 0.002];
 
 /// Refuses recordings that are too short, without motion, or with motion of one joint only.
 ///

@@ -1,15 +1,19 @@
 //! From the hypotheses that were looked at to what a report says: the verdict, the causes, what ties with them, what could not show.
 
+mod channels;
 mod closure;
 mod detectable;
 mod fitness;
+mod remaining;
 mod ties;
 mod verdict;
 mod words;
 
 pub use closure::{Closure, Share};
 pub use detectable::Detectable;
+pub(crate) use fitness::RANGE_MIN;
 pub use fitness::check_fitness;
+pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
 pub use words::{at, number, sentence, words};
@@ -42,6 +46,9 @@ pub struct Attribution {
     pub minimum_detectable: Vec<Detectable>,
     /// How far the gap closes.
     pub gap: Vec<Closure>,
+    /// What is left over time, before and after the effects; empty without effects.
+    #[serde(skip)]
+    pub remaining: Vec<Remaining>,
     /// What else there is to say.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
@@ -111,7 +118,9 @@ pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recordi
         let bench = Bench::new(robot, recordings)?;
         let coordinates = Coordinates::new(robot, &bench);
         let fitter = Fitter { rows: &bench, coordinates: &coordinates };
-        let mut attribution = attribution(&fitter, &searched(&fitter, each)?)?;
+        let outcome = searched(&fitter, each)?;
+        let mut attribution = attribution(&fitter, &outcome)?;
+        (attribution.gap, attribution.remaining) = closure::closures(&bench, &coordinates, named(&outcome).unwrap_or(&outcome.none))?;
         attribution.remarks = bench.remarks().into_iter().map(str::to_owned).collect();
         return Ok(attribution);
     }
@@ -122,7 +131,7 @@ pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recordi
     let fitter = Fitter { rows: &rows, coordinates: &coordinates };
     let outcome = searched(&fitter, each)?;
     let mut attribution = attribution(&fitter, &outcome)?;
-    attribution.gap = closure::closures(&rows, &coordinates, named(&outcome).unwrap_or(&outcome.none))?;
+    (attribution.gap, attribution.remaining) = closure::closures(&rows, &coordinates, named(&outcome).unwrap_or(&outcome.none))?;
     Ok(attribution)
 }
 
@@ -155,7 +164,7 @@ pub fn when_told(
     let told = effects.iter().map(of_name).collect::<Result<Vec<usize>>>()?;
     let fitted = Fitter { rows: &rows, coordinates: &coordinates }.told(&told)?;
     let told = |(hypothesis, evidence_nats): (Hypothesis, f64)| {
-        Ok(Told { gap: closure::closures(&rows, &coordinates, &hypothesis)?, evidence_nats })
+        Ok(Told { gap: closure::closures(&rows, &coordinates, &hypothesis)?.0, evidence_nats })
     };
     fitted.map(told).transpose()
 }
@@ -200,6 +209,7 @@ fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
         not_observable: not_observable.map(|(effect, because)| NotObservable { id: effect.id, because: (*because).to_owned() }).collect(),
         minimum_detectable: detectable::minimum_detectable(fitter, outcome)?,
         gap: Vec::new(),
+        remaining: Vec::new(),
         remarks: Vec::new(),
     })
 }

@@ -13,7 +13,7 @@ pub(super) const TORQUE_MODEL: f64 = 0.01;
 /// Time over which its errors are alike [s].
 pub(super) const TORQUE_ALIKE_S: f64 = 0.2;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s].
-pub(super) const CREEP_RAD_S: f64 = 1.0;
+pub(crate) const CREEP_RAD_S: f64 = 1.0;
 
 /// Part of a joint's dry friction that is not known near rest, and how slow that is in speeds below which friction fades.
 pub(super) const NEAR_REST: f64 = 0.5;

@@ -24,7 +24,7 @@ struct Columns {
 const ROW: f64 = 50.0;
 const BAR: f64 = 15.0;
 /// Room for the number behind a bar.
-const NUMBER: f64 = 78.0;
+const NUMBER: f64 = 90.0;
 
 /// The gap of every channel.
 pub fn gaps(gaps: &[GapBar]) -> String {
@@ -41,7 +41,7 @@ pub fn gaps(gaps: &[GapBar]) -> String {
     };
     let rows: Vec<Row> = gaps.iter().map(row).collect();
     let note = if gaps.iter().any(|gap| gap.closed.is_some()) { 215.0 } else { 0.0 };
-    draw("gap", "Gap before and after", &rows, &Columns { label: 110.0, bars: 610.0 - note, note })
+    draw("gap", "Gap before and after", &rows, &Columns { label: 132.0, bars: 610.0 - note, note })
 }
 
 /// One channel by phase; `index` tells the drawings of a page apart.
@@ -56,7 +56,7 @@ pub fn phases(index: usize, bars: &PhaseBars) -> String {
         note: String::new(),
     };
     let rows: Vec<Row> = bars.phases.iter().map(row).collect();
-    draw(&format!("phase-{index}"), &format!("{} by phase", bars.channel), &rows, &Columns { label: 88.0, bars: 190.0, note: 0.0 })
+    draw(&format!("phase-{index}"), &format!("{} by phase", bars.channel), &rows, &Columns { label: 96.0, bars: 196.0, note: 0.0 })
 }
 
 fn draw(id: &str, title: &str, rows: &[Row], columns: &Columns) -> String {

@@ -1,16 +1,25 @@
 //! The page with what the recordings say of causes.
 
-use super::{Candidate, Detectable, GapBar, Page};
-use crate::attribution::{Attribution, at, number, sentence};
+use super::{Candidate, Detectable, GapBar, Page, remaining};
+use crate::attribution::{Attribution, Remaining, at, number, sentence};
 
 /// Candidates that the page shows.
 const SHOWN: usize = 12;
+
+/// A torque is drawn where the effects close at least this part of its gap: it is there in any case, and mostly tells nothing.
+const TORQUE_CLOSED: f64 = 0.05;
 
 /// Adds verdict, candidates, closure, ties and sizes to the page of a gap.
 pub fn add_causes(page: &mut Page, attribution: &Attribution) {
     page.verdict = attribution.verdict.name().to_owned();
     page.verdict_sentence = sentence(attribution);
     page.gaps = attribution.gap.iter().map(bar).collect();
+    if !attribution.effects.is_empty() {
+        let shown = |remaining: &&Remaining| !remaining.of_drive || closes(attribution, &remaining.channel);
+        let shown: Vec<&Remaining> = attribution.remaining.iter().filter(shown).collect();
+        page.traces = shown.iter().map(|of_channel| remaining::trace(of_channel)).collect();
+        page.phases = shown.iter().map(|of_channel| remaining::phases(of_channel)).collect();
+    }
     let blamed = |candidate: &crate::attribution::Candidate| {
         attribution.effects.iter().find(|effect| effect.id == candidate.id && effect.joint == candidate.joint)
     };
@@ -41,6 +50,12 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
     });
     page.detectable = detectable.collect();
     page.not_observable = attribution.not_observable.iter().map(|none| (none.id.to_owned(), none.because.clone())).collect();
+}
+
+/// Whether the effects close part of a channel's gap, beyond chance.
+fn closes(attribution: &Attribution, channel: &str) -> bool {
+    let of_channel = attribution.gap.iter().find(|gap| gap.channel == channel);
+    of_channel.and_then(|gap| gap.closed.zip(gap.closed_ci95)).is_some_and(|(closed, [low, _])| closed >= TORQUE_CLOSED && low > 0.0)
 }
 
 fn bar(gap: &crate::attribution::Closure) -> GapBar {

@@ -4,16 +4,21 @@ use raven::robot::Robot;
 
 use super::svg::figure;
 use super::{GapBar, Page, PhaseBar, PhaseBars, Trace};
+use crate::against::{Against, Simulation};
 use crate::gap::Gap;
 use crate::residual::{Channels, Residuals};
 use crate::whereabouts::Whereabouts;
 
-/// Pause that is drawn between recordings [s].
-const BETWEEN_S: f64 = 5.0;
-
-/// The page of recordings against the model as it stands.
+/// The page of recordings against the model as it stands, or against the simulations by which they were put right.
 #[must_use]
-pub fn gap_page(robot: &Robot, recordings: &[String], residuals: &[Channels], gaps: &[Gap], whereabouts: &Whereabouts) -> Page {
+pub fn gap_page(
+    robot: &Robot,
+    recordings: &[String],
+    residuals: &[Channels],
+    gaps: &[Gap],
+    whereabouts: &Whereabouts,
+    against: Option<&Against>,
+) -> Page {
     let bar = |gap: &Gap| GapBar {
         channel: gap.channel.clone(),
         unit: gap.unit.to_owned(),
@@ -28,8 +33,12 @@ pub fn gap_page(robot: &Robot, recordings: &[String], residuals: &[Channels], ga
     let phases = robot.joints.iter().map(|joint| phase_bars(&joint.name, whereabouts)).filter(|bars| !bars.phases.is_empty());
     Page {
         title: robot.name.clone(),
-        verdict_sentence: sentence(gaps),
-        recordings: recordings.to_vec(),
+        verdict_sentence: sentence(gaps, if against.is_some() { "simulation" } else { "model" }),
+        recordings: recordings
+            .iter()
+            .cloned()
+            .chain(against.iter().flat_map(|against| against.simulations.iter().map(simulated)))
+            .collect(),
         gaps: gaps.iter().map(bar).collect(),
         places: whereabouts.sentences.clone(),
         traces: robot.joints.iter().enumerate().map(joint_trace).filter(|trace| !trace.time_s.is_empty()).collect(),
@@ -38,13 +47,18 @@ pub fn gap_page(robot: &Robot, recordings: &[String], residuals: &[Channels], ga
     }
 }
 
+fn simulated(simulation: &Simulation) -> String {
+    let Simulation { file, recording, shift_s, .. } = simulation;
+    format!("{file}: simulation of {recording}, its stamps shifted by {shift_s:+.4} s; the gap is real less simulated")
+}
+
 /// The channel whose error is the largest multiple of its noise floor.
-fn sentence(gaps: &[Gap]) -> String {
+fn sentence(gaps: &[Gap], to: &str) -> String {
     let times = |gap: &&Gap| gap.model / gap.noise_floor.max(f64::MIN_POSITIVE);
     match gaps.iter().max_by(|a, b| times(a).total_cmp(&times(b))) {
         None => "These recordings do not show the gap at the joints.".to_owned(),
         Some(gap) => format!(
-            "The largest gap to the model is at the {}: {} {} rms, where the noise alone would leave {} {}.",
+            "The largest gap to the {to} is at the {}: {} {} rms, where the noise alone would leave {} {}.",
             gap.channel,
             figure(gap.model),
             gap.unit,
@@ -58,8 +72,7 @@ fn trace<'a>(channel: &str, unit: &str, scale: f64, recordings: impl Iterator<It
     let mut trace = Trace { channel: channel.to_owned(), unit: unit.to_owned(), ..Trace::default() };
     let mut noise = Vec::new();
     for residuals in recordings {
-        let offset = trace.time_s.last().zip(residuals.time_s.first()).map_or(0.0, |(last, first)| last + BETWEEN_S - first);
-        trace.time_s.extend(residuals.time_s.iter().map(|t| t + offset));
+        trace.follow(&residuals.time_s);
         trace.before.extend(residuals.error.iter().map(|e| e * scale));
         noise.extend(residuals.noise.iter().map(|n| n * scale));
     }
@@ -99,11 +112,11 @@ mod tests {
         let channels = Channels { joints: vec![Residuals::default(), Residuals::default(), residuals.clone()], ..Channels::default() };
         let gaps = [Gap::new("insertion", "mm", 1e3, &residuals).unwrap()];
         let files = ["a.mcap".to_owned(), "b.mcap".to_owned()];
-        let page = gap_page(&robot, &files, &[channels.clone(), channels], &gaps, &Whereabouts::default());
+        let page = gap_page(&robot, &files, &[channels.clone(), channels], &gaps, &Whereabouts::default(), None);
         assert_eq!(page.traces.len(), 1);
         assert_eq!(page.traces[0].time_s, [0.0, 1.0, 6.0, 7.0]);
         assert_eq!(page.traces[0].before, [2.0, -1.0, 2.0, -1.0]);
         assert!(page.verdict_sentence.contains("at the insertion: 1.58 mm rms"), "{}", page.verdict_sentence);
-        assert!(sentence(&[]).contains("do not show"));
+        assert!(sentence(&[], "model").contains("do not show"));
     }
 }

@@ -4,6 +4,7 @@ mod bars;
 mod causes;
 mod gap;
 mod html;
+mod remaining;
 #[cfg(test)]
 mod sample;
 mod svg;
@@ -93,6 +94,17 @@ pub struct Trace {
     pub before: Vec<f64>,
     /// Residuals after; empty where nothing was added to the model.
     pub after: Vec<f64>,
+}
+
+/// Pause that is drawn between recordings [s].
+const BETWEEN_S: f64 = 5.0;
+
+impl Trace {
+    /// Appends the times of another recording [s], after a pause.
+    fn follow(&mut self, time_s: &[f64]) {
+        let offset = self.time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last + BETWEEN_S - first);
+        self.time_s.extend(time_s.iter().map(|t| t + offset));
+    }
 }
 
 /// RMS of one channel by phase.

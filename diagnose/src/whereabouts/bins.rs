@@ -168,6 +168,7 @@ mod tests {
             name: String::new(),
             unit: "deg",
             scale: 1.0,
+            horizon_s: None,
             position_unit: "deg",
             tracks: vec![track],
         }

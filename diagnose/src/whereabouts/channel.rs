@@ -30,6 +30,8 @@ pub struct Channel {
     pub unit: &'static str,
     /// Takes the residuals to `unit`.
     pub scale: f64,
+    /// The residuals are those of a model that was set right so long before [s]; `None` for residuals over the whole recording.
+    pub horizon_s: Option<f64>,
     /// Unit of positions and, per second, of speeds.
     pub position_unit: &'static str,
     /// One per recording, all with the same kinds of factors.

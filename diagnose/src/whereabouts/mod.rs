@@ -138,8 +138,12 @@ fn looks(channels: &[Channel]) -> Vec<Look> {
     let mut looks = Vec::new();
     for channel in channels {
         let bins = Bins::of(channel);
-        for horizon_s in HORIZONS_S {
-            if let Some(anchored) = channel.anchored(horizon_s).filter(|a| a.error.len() >= 2 * SAMPLES_MIN) {
+        let whole = [channel.horizon_s];
+        let horizons = if channel.horizon_s.is_some() { &whole[..] } else { &HORIZONS_S };
+        for &horizon_s in horizons {
+            // What has its own horizon is there already.
+            let anchored = channel.anchored(horizon_s.filter(|_| channel.horizon_s.is_none()));
+            if let Some(anchored) = anchored.filter(|a| a.error.len() >= 2 * SAMPLES_MIN) {
                 looks.push(Look::new(channel, &bins, horizon_s, &anchored));
             }
         }

@@ -55,7 +55,10 @@ pub(super) fn telling(place: &Place) -> f64 {
 
 fn merged(channel: &Channel, places: &[Place]) -> Vec<Place> {
     let mut merged: Vec<Place> = Vec::new();
-    for place in places.iter().filter(|p| p.channel == channel.name && p.joint == channel.joint && p.stands_out()) {
+    for place in places.iter().filter(|p| {
+        let own = channel.horizon_s.is_none() || p.horizon_s == channel.horizon_s;
+        own && p.channel == channel.name && p.joint == channel.joint && p.stands_out()
+    }) {
         let neighbour = merged.last_mut().filter(|last| {
             let touching = last.range.zip(place.range).is_some_and(|(a, b)| a[1] == b[0]);
             last.kind == place.kind && last.horizon_s == place.horizon_s && touching
@@ -79,7 +82,10 @@ fn merged(channel: &Channel, places: &[Place]) -> Vec<Place> {
 fn sentence(place: &Place) -> String {
     let what = match &place.joint {
         Some(joint) if place.channel == *joint => format!("the {joint}'s excess error"),
-        Some(joint) => format!("the {joint}'s excess torque error"),
+        Some(joint) => {
+            let what = place.channel.strip_prefix(joint.as_str()).unwrap_or(&place.channel).trim();
+            format!("the {joint}'s excess {what} error")
+        }
         None => format!("the excess error of {}", place.channel),
     };
     let over =

@@ -35,6 +35,7 @@ fn channel(seconds: f64, error: impl Fn(usize, f64, Phase, f64) -> f64) -> Chann
         name: "elbow".to_owned(),
         unit: "deg",
         scale: 1.0,
+        horizon_s: None,
         position_unit: "deg",
         tracks: vec![track],
     }

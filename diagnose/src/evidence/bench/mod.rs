@@ -22,6 +22,7 @@ pub use signs::Signs;
 pub type Errors = (Vec<[Vector3<f64>; 3]>, Vector3<f64>);
 
 /// Recordings of a bench.
+#[derive(Clone)]
 pub struct Bench<'a> {
     robot: &'a Robot,
     recordings: Vec<Recorded>,
@@ -67,10 +68,22 @@ impl<'a> Bench<'a> {
         self.signs.iter().flat_map(|signs| signs.remarks.iter().map(String::as_str)).collect()
     }
 
+    /// Speeds of the motors below which the direction of their friction is in doubt [rad/s or m/s].
+    #[must_use]
+    pub fn creep(&self) -> Vector3<f64> {
+        self.creep
+    }
+
     /// Recordings.
     #[must_use]
     pub fn recordings(&self) -> &[Recorded] {
         &self.recordings
+    }
+
+    /// Inverse deviations of a recording's joints and torques, sample by sample; 0 where they say nothing.
+    #[must_use]
+    pub fn weights(&self, recording: usize) -> &[[Vector3<f64>; 2]] {
+        &self.weights[recording]
     }
 
     /// The same with part of the samples counting less: `counts` says of a recording and time [s] what the weights are multiplied by.

@@ -14,6 +14,7 @@ use super::signs::Signs;
 const OF_RANGE: f64 = 1e-3;
 
 /// What one recording offers.
+#[derive(Clone)]
 pub struct Recorded {
     /// Motors.
     pub motors: MotorTrack,

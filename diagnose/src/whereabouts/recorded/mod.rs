@@ -1,23 +1,26 @@
-//! Channels of recordings: motor torque, joints, and the tip.
+//! Channels of recordings: motor torque, motor motion, joints, and the tip.
 //!
-//! The motor's motion is no channel of its own: torque minus what the motion needs is the same residual before it is integrated twice, and
-//! unlike its integral it stays where it arose.
+//! The motors' motion and their torque show the same residual: over a horizon it is integrated twice, see [`motion`], at once it stays
+//! where it arose.
 
+mod drive;
+mod motion;
 mod tip;
 mod torque;
 
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Model, Stage, TipModel, TorqueModel};
+use raven::effects::{Measure, Model, Shaft, Stage, TipModel, TorqueModel};
 use raven::log::Recording;
 use raven::robot::{Arm, Joint, MotorTrack, Robot};
 use raven::stats::median;
 
-use super::{Channel, Kind, Track};
+use super::{Channel, HORIZONS_S, Kind, Track};
 use crate::evidence::data::{Data, WINDOW_S};
 use crate::phase::{Phase, phases};
 use crate::residual::{self, Residuals};
+use drive::{OfArm, bench_drives, motion_tracks};
 use tip::{ninth_at, ninths, pixels_known, tip_channels, tip_tracks};
 use torque::torque_track;
 
@@ -39,15 +42,24 @@ pub fn recorded(
         name,
         unit,
         scale,
+        horizon_s: None,
         position_unit: joint.display_unit().0,
         tracks: Vec::new(),
     };
     let mut joints: Vec<Channel> = Vec::new();
     let mut torques: Vec<Channel> = Vec::new();
+    // Joint by joint, horizon by horizon.
+    let mut motions: Vec<Channel> = Vec::new();
     for joint in &robot.joints {
         let (unit, scale) = joint.display_unit();
         joints.push(joint_channel(joint, Stage::Transmission, joint.name.clone(), unit, scale));
-        torques.push(joint_channel(joint, Stage::Motor, format!("{} torque", joint.name), "N m", 1.0));
+        let of_drive = Measure::of(robot, joints.len() - 1, 1.0, 1.0).unit("drive torque");
+        let what = if of_drive == "N" { "force" } else { "torque" };
+        torques.push(joint_channel(joint, Stage::Motor, format!("{} {what}", joint.name), of_drive, 1.0));
+        for horizon_s in HORIZONS_S.into_iter().flatten() {
+            let channel = joint_channel(joint, Stage::Motor, format!("{} motor", joint.name), unit, scale / joint.ratio().abs());
+            motions.push(Channel { horizon_s: Some(horizon_s), ..channel });
+        }
     }
     let arm = robot.arm().ok();
     let seen_in_pixels = pixels_known(cameras, recordings);
@@ -69,11 +81,21 @@ pub fn recorded(
             for (j, channel) in torques.iter_mut().enumerate() {
                 channel.tracks.push(torque_track(arm, &robot.joints[j], j, &model_of_torque, &shafts));
             }
+            let moved = |shaft: &Shaft, j: usize| arm.transmission.joint_rate_from_motor(&shaft.rate)[j];
+            let factors = |j: usize, ends: &[Shaft]| {
+                let motors: Vec<Option<Vector3<f64>>> = ends.iter().map(|s| Some(s.angle)).collect();
+                let (time_s, rate): (Vec<f64>, Vec<f64>) = ends.iter().map(|s| (s.time_s, moved(s, j))).unzip();
+                joint_factors(arm, &robot.joints[j], j, &motors, &time_s, &rate)
+            };
+            motion_tracks(&mut motions, &OfArm(&model_of_torque), &data.shafts, &factors);
             let tracks = tip_tracks(&model, arm, &data, recording, seen_in_pixels, &ninths)?;
             tips.iter_mut().zip(tracks).for_each(|(channel, track)| channel.tracks.push(track));
         }
     }
-    let mut all = [torques, joints, tips].concat();
+    if arm.is_none() {
+        bench_drives(robot, recordings, &mut torques, &mut motions)?;
+    }
+    let mut all = [torques, joints, tips, motions].concat();
     all.iter_mut().for_each(|channel| channel.tracks.retain(|track| !track.error.is_empty()));
     all.retain(|channel| !channel.tracks.is_empty());
     Ok(all)
@@ -117,15 +139,20 @@ fn joint_track(arm: &Arm, joint: &Joint, j: usize, motor: &MotorTrack, residuals
 
 fn bench_track(recording: &Recording, joint: &Joint, j: usize, residuals: &Residuals) -> Result<Track> {
     let motor = recording.require_motor()?;
-    let (_, scale) = joint.display_unit();
     let angles: Vec<f64> = residuals.time_s.iter().map(|&t| motor.interpolate(j, t).unwrap_or(f64::NAN)).collect();
-    let factors = vec![
-        (Kind::Phase, phase_factor(&residuals.time_s, &residuals.rate)),
-        (Kind::Speed, residuals.rate.iter().map(|r| r.abs() * scale).collect()),
+    let factors = bench_factors(joint, &residuals.time_s, &residuals.rate, &angles);
+    Ok(Track { time_s: residuals.time_s.clone(), error: residuals.error.clone(), noise: residuals.noise.clone(), factors })
+}
+
+/// What a bench's joint may depend on, from its motor's angles.
+fn bench_factors(joint: &Joint, time_s: &[f64], rate: &[f64], angles: &[f64]) -> Vec<(Kind, Vec<f64>)> {
+    let (_, scale) = joint.display_unit();
+    vec![
+        (Kind::Phase, phase_factor(time_s, rate)),
+        (Kind::Speed, rate.iter().map(|r| r.abs() * scale).collect()),
         (Kind::Position, angles.iter().map(|a| (joint.hard_stop + a / joint.ratio()) * scale).collect()),
         (Kind::Capstan, angles.iter().map(|&a| turn(a, joint)).collect()),
-    ];
-    Ok(Track { time_s: residuals.time_s.clone(), error: residuals.error.clone(), noise: residuals.noise.clone(), factors })
+    ]
 }
 
 /// Means over [`AVERAGED_S`] of residuals that are denser.

@@ -32,6 +32,7 @@ pub(super) fn tip_channels(pixels: bool) -> Vec<Channel> {
         name: (*name).to_owned(),
         unit,
         scale,
+        horizon_s: None,
         position_unit: "mm",
         tracks: Vec::new(),
     };

@@ -30,7 +30,7 @@ pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueMod
     let rates: Vec<f64> = apart.iter().map(|(s, _)| arm.transmission.joint_rate_from_motor(&s.rate)[j]).collect();
     let residual: Vec<f64> = apart.iter().map(|(s, links)| (model.delivered(&s.commanded) - model.needed(s, links))[j]).collect();
     let commanded: Vec<f64> = apart.iter().map(|(s, _)| s.commanded[j]).collect();
-    let noise = white_noise(&residual).hypot(TORQUE_MODEL * rms(&commanded).unwrap_or(0.0));
+    let noise = noise_of_torque(&residual, &commanded);
     let motors: Vec<Option<Vector3<f64>>> = apart.iter().map(|(s, _)| Some(s.angle)).collect();
     let factors = joint_factors(arm, joint, j, &motors, &all_time_s, &rates);
     let moving = |s: &Shaft| s.rate[j].abs() > SLOWEST_RAD_S + 0.5 * TORQUE_STRIDE_S * s.acceleration[j].abs();
@@ -42,6 +42,11 @@ pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueMod
         noise: vec![noise; kept.len()],
         factors: factors.iter().map(|(kind, values)| (*kind, pick(values))).collect(),
     }
+}
+
+/// What noise and the model's own errors leave of a torque.
+pub(super) fn noise_of_torque(residual: &[f64], commanded: &[f64]) -> f64 {
+    white_noise(residual).hypot(TORQUE_MODEL * rms(commanded).unwrap_or(0.0))
 }
 
 /// Deviation of the white part of a series, from the median of its third differences: what is smooth, and rare steps, leave it alone.

@@ -1,0 +1,77 @@
+//! An arm's channels: its tip, what that says of the joints, and its torques.
+
+use nalgebra::{Matrix3, Vector3};
+use raven::Result;
+use raven::effects::{Channel, TipModel, TorqueModel};
+
+use super::{Measured, Sample, Sampled};
+use crate::evidence::data::WINDOW_S;
+use crate::evidence::rows::{Inflation, Observed, Rows, Setting};
+
+/// Place of the tip among the channels; the joints come before, their torques after.
+const TIP: usize = 3;
+/// Half of the window over which a motor's speed is taken [s].
+const HALF_WINDOW_S: f64 = 0.02;
+
+impl Sampled for Rows<'_> {
+    fn measured(&self) -> Vec<Measured> {
+        let joints = &self.robot().joints[..3];
+        let mut all = Vec::new();
+        for joint in joints {
+            let (unit, scale) = joint.display_unit();
+            all.push(Measured { name: joint.name.clone(), unit, scale, side: Channel::Tip, signed: true });
+        }
+        all.push(Measured { name: "tip".to_owned(), unit: "mm", scale: 1e3, side: Channel::Tip, signed: false });
+        let torque = |name: &str| Measured { name: format!("{name} torque"), unit: "N m", scale: 1.0, side: Channel::Torque, signed: true };
+        all.extend(joints.iter().map(|joint| torque(&joint.name)));
+        all
+    }
+
+    fn samples(&self, settings: &[Setting]) -> Result<Vec<Sample>> {
+        let model = self.model(settings)?;
+        let nominal = self.robot().arm()?;
+        let transmission = &nominal.transmission;
+        let torque = TorqueModel::new(&model)?;
+        let mut samples = Vec::new();
+        for (recording, data) in self.data().iter().enumerate() {
+            let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
+            let (seen, moving) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &times, WINDOW_S);
+            for (sight, seen) in data.sights.iter().zip(seen) {
+                let Some((motor, rate)) = data.motors.at(sight.stamp_s) else { continue };
+                let time_s = sight.stamp_s;
+                let ends = [data.motors.at(time_s - HALF_WINDOW_S), data.motors.at(time_s + HALF_WINDOW_S)];
+                let rate = if let [Some((a, _)), Some((b, _))] = ends { (b - a) / (2.0 * HALF_WINDOW_S) } else { rate };
+                let rate = transmission.joint_rate_from_motor(&rate);
+                let error = seen.map_or_else(|| Vector3::repeat(f64::NAN), |seen| sight.position_m - seen);
+                let slope = nominal.kinematics.jacobian(&transmission.joint_from_motor(&motor)).try_inverse();
+                let slope = slope.unwrap_or_else(Matrix3::zeros);
+                let (joint, covariance) = (slope * error, slope * sight.covariance_m2 * slope.transpose());
+                let of = |channel, error, variance, rate| Sample { channel, recording, time_s, error, variance, rate };
+                samples.extend((0..3).map(|j| of(j, joint[j], covariance[(j, j)], rate[j])));
+                samples.push(of(TIP, error.norm(), sight.covariance_m2.trace(), 0.0));
+            }
+            for ((shaft, moving), weight) in data.shafts.iter().zip(moving).zip(self.torque_weights(recording)) {
+                let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
+                let error = torque.delivered(&shaft.commanded) - torque.needed(shaft, &moving);
+                let rate = transmission.joint_rate_from_motor(&shaft.rate);
+                let of = |j: usize| Sample {
+                    channel: TIP + 1 + j,
+                    recording,
+                    time_s: shaft.time_s,
+                    error: error[j],
+                    variance: 0.0,
+                    rate: rate[j],
+                };
+                samples.extend((0..3).filter(|&j| weight[j] > 0.0).map(of));
+            }
+        }
+        Ok(samples)
+    }
+
+    fn only(&self, keep: &dyn Fn(f64) -> bool) -> Box<dyn Observed + '_> {
+        Box::new(self.inflated(|_, time_s| {
+            let inflation = if keep(time_s) { 1.0 } else { f64::INFINITY };
+            Inflation { tip: inflation, torque: Vector3::repeat(inflation) }
+        }))
+    }
+}
