@@ -47,7 +47,7 @@ pub(super) fn minimum_detectable(fitter: &Fitter, outcome: &Outcome) -> Result<V
         let sited = coordinates.sited[effect];
         let own: Vec<usize> = coordinates.of(effect).collect();
         let kept: Vec<usize> = (0..none.free.len()).filter(|&k| !own.contains(&none.free[k])).collect();
-        let Some(size) = own.iter().position(|&c| !matches!(parameter(fitter, c).scale, Scale::Shape { .. } | Scale::Moment)) else {
+        let Some(size) = own.iter().position(|&c| parameter(fitter, c).scale.is_size()) else {
             return Ok(None);
         };
         let mut u = none.u.clone();

@@ -108,5 +108,5 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -
     let fit = normal.try_inverse()? * right;
     let commanded = commanded / weights;
     let row = |k: usize| fit.row(k).transpose();
-    Some(Shaft { time_s, angle: row(0), rate: row(1), acceleration: row(2), commanded })
+    Some(Shaft { time_s, angle: row(0), rate: row(1), acceleration: row(2), commanded, window_s: WINDOW_S })
 }

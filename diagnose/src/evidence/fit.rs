@@ -105,6 +105,9 @@ impl Fitter<'_> {
             let coordinate = self.coordinates.all[c];
             let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
             let channels = self.coordinates.sited[coordinate.effect].effect.channels;
+            if matches!(self.scale(c), Scale::Whole { .. }) {
+                return Ok(Arc::new(vec![0.0; self.rows.tip_rows() + self.rows.torque_rows()]));
+            }
             let at = |value: f64| {
                 let mut moved = u.to_vec();
                 moved[c] = value;
@@ -209,6 +212,7 @@ impl Fitter<'_> {
         match self.scale(c) {
             Scale::Magnitude(_) => (u + step.clamp(-STEP_MAX, STEP_MAX)).max(1e-3),
             Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-4.0, 4.0),
+            Scale::Whole { .. } => u,
             Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(0.0, 1.0),
             Scale::Offset(_) => u + step,
             Scale::Factor(_) => u + step.clamp(-STEP_MAX, STEP_MAX),
@@ -222,12 +226,18 @@ impl Fitter<'_> {
     #[must_use]
     pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
         let of_effect = |&effect: &usize| {
-            let size = |&c: &usize| !self.coordinates.all[c].is_unknown() && !matches!(self.scale(c), Scale::Shape { .. } | Scale::Moment);
+            let size = |&c: &usize| !self.coordinates.all[c].is_unknown() && self.scale(c).is_size();
             let sizes = || self.coordinates.of(effect).filter(size);
             let square: f64 = sizes().map(|c| u(c).powi(2) + std(c).powi(2)).sum();
             let moment = if square > 0.0 { (square / sizes().count() as f64).ln() } else { 0.0 };
             let magnitudes = sizes().filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
-            moment + magnitudes.map(|c| (2.0 * normal_cdf(u(c) / std(c)).max(f64::MIN_POSITIVE)).ln()).sum::<f64>()
+            // One of so many, which the normal prior of `u` says nothing of.
+            let one_of = |c: usize| match self.scale(c) {
+                Scale::Whole { most } => 0.5 * u(c).powi(2) - f64::from(most).ln(),
+                _ => 0.0,
+            };
+            let whole: f64 = self.coordinates.of(effect).map(one_of).sum();
+            moment + whole + magnitudes.map(|c| (2.0 * normal_cdf(u(c) / std(c)).max(f64::MIN_POSITIVE)).ln()).sum::<f64>()
         };
         effects.iter().map(of_effect).sum()
     }

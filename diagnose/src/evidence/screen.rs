@@ -169,14 +169,18 @@ impl Fitter<'_> {
     fn starts(&self, effect: usize, base: &[f64]) -> Vec<Vec<f64>> {
         let parameters = self.coordinates.sited[effect].effect.parameters;
         let alone = parameters.len() == 1;
-        let shaped = parameters.iter().any(|p| matches!(p.scale, Scale::Shape { .. } | Scale::Moment));
+        let shaped = parameters.iter().any(|p| !p.scale.is_size());
+        let counted = parameters.iter().any(|p| matches!(p.scale, Scale::Whole { .. }));
         let mut starts: Vec<Vec<f64>> = vec![Vec::new()];
         for (parameter, c) in parameters.iter().zip(self.coordinates.of(effect)) {
+            let whole = parameter.scale.whole();
             let values: &[f64] = match parameter.scale {
                 _ if self.coordinates.all[c].is_unknown() => &base[c..=c],
                 // What may be a hundred times the nominal value has slopes that say nothing of it.
                 Scale::Factor(size) if size > 2.0 => &[0.0, -1.2, 0.8, 1.6, 2.4, 3.2],
                 Scale::Factor(_) => &[0.0, -1.2, 0.8, 1.6],
+                // A whole number has no slope in any case, and what the size does is as it is for the other sign.
+                Scale::Offset(_) if counted => &[0.5],
                 // Beside a shape the size must not vanish, or the shape has no slope.
                 Scale::Offset(_) if shaped => &[-0.5, 0.5],
                 Scale::Offset(_) => &[0.0],
@@ -184,6 +188,7 @@ impl Fitter<'_> {
                 Scale::Magnitude(_) => &[0.2, 0.7, 1.5],
                 Scale::Shape { .. } if alone => &[-2.5, -1.5, -0.5, 0.5, 1.5],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
+                Scale::Whole { .. } => &whole,
                 Scale::Moment => &[0.05, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95],
             };
             starts = starts.iter().flat_map(|start| values.iter().map(move |v| [start.as_slice(), &[*v]].concat())).collect();

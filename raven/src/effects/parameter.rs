@@ -24,6 +24,33 @@ pub enum Scale {
     },
     /// `u` from 0 to 1 along the recording.
     Moment,
+    /// A whole number from 1 to `most`, all as probable, spread over `u` with mean 0 and variance 1: looked for one by one.
+    Whole {
+        /// The largest.
+        most: u32,
+    },
+}
+
+impl Scale {
+    /// Whether the number says how large an effect is, as against what it is like.
+    #[must_use]
+    pub fn is_size(self) -> bool {
+        matches!(self, Self::Offset(_) | Self::Factor(_) | Self::Magnitude(_))
+    }
+
+    /// `u` of every whole number; empty for other scales.
+    #[must_use]
+    pub fn whole(self) -> Vec<f64> {
+        let Self::Whole { most } = self else { return Vec::new() };
+        let (middle, spread) = spread(most);
+        (1..=most).map(|n| (f64::from(n) - middle) / spread).collect()
+    }
+}
+
+/// Mean and deviation of the whole numbers from 1 to `most`.
+fn spread(most: u32) -> (f64, f64) {
+    let most = f64::from(most);
+    (0.5 * (most + 1.0), ((most * most - 1.0) / 12.0).sqrt().max(1.0))
 }
 
 /// A typical size on a Raven [unit of the parameter], which may depend on the kind of the joint.
@@ -81,6 +108,10 @@ impl Parameter {
             Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
             Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
             Scale::Moment => u.clamp(0.0, 1.0),
+            Scale::Whole { most } => {
+                let (middle, spread) = spread(most);
+                (middle + spread * u).round().clamp(1.0, f64::from(most))
+            }
         }
     }
 
@@ -91,6 +122,7 @@ impl Parameter {
             Scale::Offset(size) | Scale::Magnitude(size) => self.size(size, measure) * std,
             Scale::Factor(size) | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
             Scale::Moment => std,
+            Scale::Whole { .. } => 0.0,
         }
     }
 
@@ -101,7 +133,7 @@ impl Parameter {
         Some(match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => tolerance / self.size(size, measure),
             Scale::Factor(size) | Scale::Shape { size, .. } => tolerance / size,
-            Scale::Moment => tolerance,
+            Scale::Moment | Scale::Whole { .. } => tolerance,
         })
     }
 
@@ -119,6 +151,7 @@ impl Parameter {
             Scale::Magnitude(size) => [0.0, REACH * self.size(size, measure)],
             Scale::Shape { middle, size } => [middle / factor(size), middle * factor(size)].map(|limit| limit * measure.times(self.unit)),
             Scale::Moment => [0.0, 1.0],
+            Scale::Whole { most } => [1.0, f64::from(most)],
         }
     }
 

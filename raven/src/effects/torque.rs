@@ -28,8 +28,10 @@ pub struct Shaft {
     pub rate: Vector3<f64>,
     /// [rad/s^2].
     pub acceleration: Vector3<f64>,
-    /// After the gear box [N m].
+    /// After the gear box [N m], averaged over the window as the acceleration is: with the weights `(1 - (t / h)^2)^2` within `h` of the time.
     pub commanded: Vector3<f64>,
+    /// `2 h` [s]; 0 for values of an instant.
+    pub window_s: f64,
 }
 
 /// How the links move about one time.
@@ -81,7 +83,7 @@ impl Shafts {
             let [depth, speed] = drive.stribeck;
             let dry = motor.coulomb_friction * (1.0 + depth * (-(rate / speed).powi(2)).exp()) * way[j];
             let [amplitude, per_turn] = drive.ripple;
-            let ripple = amplitude * (per_turn * shaft.angle[j]).sin();
+            let ripple = amplitude * (per_turn * shaft.angle[j]).sin() * averaged(0.5 * shaft.window_s * per_turn * rate);
             self.gear_ratio[j] * (motor.inertia * shaft.acceleration[j] + dry + motor.viscous_friction * rate - ripple)
         })
     }
@@ -90,6 +92,16 @@ impl Shafts {
     pub(super) fn passed_on(&self, tension_n: &Vector3<f64>, cable_per_motor_m: &Vector3<f64>) -> Vector3<f64> {
         tension_n.component_mul(cable_per_motor_m).component_mul(&self.gear_ratio)
     }
+}
+
+/// What is left of a wave of `phase` radians per half window when it is averaged as [`Shaft::commanded`] is: `15 j_2(z) / z^2`, `j_2` the
+/// spherical Bessel function.
+fn averaged(phase: f64) -> f64 {
+    let square = phase * phase;
+    if square < 1e-2 {
+        return 1.0 - square / 14.0;
+    }
+    15.0 * ((3.0 - square) * phase.sin() - 3.0 * phase * phase.cos()) / (square * square * phase)
 }
 
 /// A model of the drives.

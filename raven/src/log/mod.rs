@@ -7,6 +7,7 @@
 pub mod ros1;
 pub mod topics;
 
+mod converter;
 mod frames;
 mod header;
 mod joints;

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
+use super::converter::Converters;
 use super::header::StampReader;
 use super::joints::{JointDecoder, JointSample};
 use super::robot_state::{ARM_JOINTS, StateDecoder};
@@ -50,7 +51,8 @@ pub struct Recording {
     pub duration_s: f64,
     /// Metadata record `session`: robot, arm, motion, operator and more.
     pub session: BTreeMap<String, String>,
-    /// Motor shaft angles (rad), efforts after the gear box at the capstan (N m). From `raven_state`: the first three joints of the arm.
+    /// Motor shaft angles (rad), efforts after the gear box at the capstan (N m). From `raven_state`: the first three joints of the arm, torques
+    /// as the converters clipped them.
     pub motor: Option<JointSeries>,
     /// Joint angles as the robot's controller has them (rad, rad, m), from `raven_state`.
     pub controller_joints: Option<JointSeries>,
@@ -149,6 +151,7 @@ struct Reader<'s> {
     motor: Option<SeriesBuilder>,
     controller: SeriesBuilder,
     counts: Vec<i32>,
+    converters: Converters,
     encoders: Option<SeriesBuilder>,
     tip: Vec<TipObservation>,
     tip_quality: StreamQuality,
@@ -168,6 +171,7 @@ impl<'s> Reader<'s> {
             motor: None,
             controller: SeriesBuilder::new(ARM_JOINTS.map(String::from).to_vec()),
             counts: Vec::new(),
+            converters: Converters::default(),
             encoders: None,
             tip: Vec::new(),
             tip_quality: StreamQuality::default(),
@@ -232,6 +236,9 @@ impl<'s> Reader<'s> {
                 if let Some(angles) = sample.controller {
                     self.controller.push(stamp, &angles, &[]);
                 }
+                if let Some((torque, steps)) = sample.torque.zip(sample.steps) {
+                    self.converters.push(&torque, &steps);
+                }
                 self.counts.extend(sample.counts.into_iter().flatten());
             }
             Handler::Motor(decoder) => push_joints(&mut self.motor, decoder, message, &mut self.sample),
@@ -285,7 +292,10 @@ impl<'s> Reader<'s> {
             quality.insert(topic.to_owned(), of_topic);
             (!series.is_empty()).then_some((series, order))
         };
-        let motor = finish(self.motor, &self.source.topic);
+        let mut motor = finish(self.motor, &self.source.topic);
+        if let Some(torques) = motor.as_mut().and_then(|(series, _)| series.effort.as_mut()) {
+            self.converters.clip(torques);
+        }
         let encoders = finish(self.encoders, topics::JOINT_ENCODERS);
         if self.topics.contains_key(topics::TIP) {
             quality.insert(topics::TIP.to_owned(), tip_quality);

@@ -128,7 +128,7 @@ mod tests {
         let at = |k: usize| {
             let time_s = k as f64 * 0.02;
             let [angle, rate, acceleration] = angle(time_s).map(|v| Vector3::new(v, 0.0, 0.0));
-            Shaft { time_s, angle, rate, acceleration, commanded: Vector3::new(torque, 0.0, 0.0) }
+            Shaft { time_s, angle, rate, acceleration, commanded: Vector3::new(torque, 0.0, 0.0), window_s: 0.0 }
         };
         (0..(seconds / 0.02) as usize).map(at).collect()
     }

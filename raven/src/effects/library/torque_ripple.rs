@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "a sin(n q_m) on the shaft",
     parameters: &[
         Parameter { name: "amplitude", unit: "shaft torque", scale: Scale::Offset(Size::of(2e-3)), tolerance: None },
-        Parameter { name: "per_turn", unit: "1", scale: Scale::Shape { middle: 6.0, size: 0.5 }, tolerance: None },
+        Parameter { name: "per_turn", unit: "1", scale: Scale::Whole { most: 24 }, tolerance: None },
     ],
     channels: &[Channel::Torque],
     ties: &[Tie { id: "pulley-eccentricity", exact: false }],
