@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{LinkMotion, Model};
 use crate::Result;
+use crate::robot::stiction::{behind_friction, behind_play, has_play};
 use crate::robot::{LinkModel, LinkState, MotorTrack};
 
 /// A tip to be predicted.
@@ -23,6 +24,7 @@ pub struct Sight {
 pub struct TipModel<'a> {
     model: &'a Model,
     links: LinkModel,
+    /// As they wind the cables.
     motors: MotorTrack,
 }
 
@@ -37,7 +39,7 @@ impl<'a> TipModel<'a> {
     pub fn new(model: &'a Model, recorded: &MotorTrack) -> Result<Self> {
         let arm = model.robot.arm()?;
         let wound = model.motors(&arm, recorded);
-        let motors = arm.driving(&wound).into_owned();
+        let motors = arm.winding(&wound).into_owned();
         Ok(Self { model, links: LinkModel::new(arm), motors })
     }
 
@@ -52,7 +54,9 @@ impl<'a> TipModel<'a> {
         order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
         let sorted: Vec<f64> = order.iter().map(|&k| times[k]).collect();
         let mut states = vec![None; times.len()];
-        for (k, state) in order.into_iter().zip(self.links.rollout(&self.motors, &sorted)) {
+        let arm = self.links.arm();
+        let held = has_play(arm).then(|| behind_play(arm, &self.motors));
+        for (k, state) in order.into_iter().zip(self.links.rollout(held.as_ref().unwrap_or(&self.motors), &sorted)) {
             states[k] = state;
         }
         let moving = states.split_off(sights.len());
@@ -68,20 +72,20 @@ impl<'a> TipModel<'a> {
         (self.seen(sights, states), motions)
     }
 
-    /// Predictions with the links at rest where the cables hold them: fifty times as fast, good for slopes.
+    /// Predictions with links without inertia, at rest where cables and friction hold them: fifty times as fast, good for slopes.
     #[must_use]
     pub fn settled(&self, sights: &[Sight]) -> Vec<Option<Vector3<f64>>> {
-        let states = sights.iter().map(|sight| self.settled_at(self.model.view.shown_at_s(sight.stamp_s))).collect();
-        self.seen(sights, states)
-    }
-
-    fn settled_at(&self, time_s: f64) -> Option<LinkState> {
-        let (angle, rate) = self.motors.at(time_s)?;
-        let ends = [self.motors.at(time_s - HALF_WINDOW_S), self.motors.at(time_s + HALF_WINDOW_S)];
-        let rate = if let [Some((before, _)), Some((after, _))] = ends { (after - before) / (2.0 * HALF_WINDOW_S) } else { rate };
-        let rate = self.links.arm().transmission.joint_rate_from_motor(&rate);
-        let direction = self.links.arm().rubbing(&rate);
-        Some(LinkState { position: self.links.settled(&angle, &direction), rate })
+        let free = behind_friction(self.links.arm(), &self.motors);
+        let state = |sight: &Sight| {
+            let time_s = self.model.view.shown_at_s(sight.stamp_s);
+            let (angle, _) = free.at(time_s)?;
+            let (_, rate) = self.motors.at(time_s)?;
+            let ends = [self.motors.at(time_s - HALF_WINDOW_S), self.motors.at(time_s + HALF_WINDOW_S)];
+            let rate = if let [Some((before, _)), Some((after, _))] = ends { (after - before) / (2.0 * HALF_WINDOW_S) } else { rate };
+            let rate = self.links.arm().transmission.joint_rate_from_motor(&rate);
+            Some(LinkState { position: self.links.settled(&angle, &Vector3::zeros()), rate })
+        };
+        self.seen(sights, sights.iter().map(state).collect())
     }
 
     fn seen(&self, sights: &[Sight], states: Vec<Option<LinkState>>) -> Vec<Option<Vector3<f64>>> {

@@ -40,15 +40,23 @@ impl Default for Hysteresis {
 }
 
 impl Arm {
-    /// The motors' motion as it drives the links: through the laws of the [listed effects](super::ListedEffect), behind the hysteresis of
-    /// each cable, and behind the [play](super::stiction) of friction that holds. After a pause there is no lag, as at the start.
+    /// The motors' motion as it winds the cables: through the laws of the [listed effects](super::ListedEffect) and behind the hysteresis of
+    /// each cable. After a pause there is no lag, as at the start.
+    #[must_use]
+    pub fn winding<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+        let winding = self.motor_laws.applied(self, motor);
+        if self.hysteresis.iter().any(|h| h.half_loop != 0.0) {
+            return Cow::Owned(behind_hysteresis(&self.hysteresis, &self.transmission.ratio, &winding));
+        }
+        winding
+    }
+
+    /// The motors' motion as it drives the links: [winding](Self::winding) the cables, behind the [play](super::stiction) of friction that
+    /// holds.
     #[must_use]
     pub fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        let mut driving = self.motor_laws.applied(self, motor);
-        if self.hysteresis.iter().any(|h| h.half_loop != 0.0) {
-            driving = Cow::Owned(behind_hysteresis(&self.hysteresis, &self.transmission.ratio, &driving));
-        }
-        if has_play(self) { Cow::Owned(behind_play(self, &driving)) } else { driving }
+        let winding = self.winding(motor);
+        if has_play(self) { Cow::Owned(behind_play(self, &winding)) } else { winding }
     }
 }
 

@@ -5,6 +5,9 @@
 //! q follows where the cables would have it, q_e, with play h:  q_e - h <= q <= q_e + h
 //! ```
 //!
+//! Friction that gives way below a speed `v_s` lets the joint creep back within that play: its lag `q - q_e` decays at the rate `v_s / h`,
+//! down to the part of `h` that holds.
+//!
 //! At the speeds of surgery the links' inertia does not matter, so a joint behind a spring with Coulomb friction is where a free joint
 //! would be if the motors had wound no more than that. The play is the joint's and not the cable's: a motor that makes up for another
 //! joint's motion moves nothing, and a load that changes has to overcome friction too. Unlike friction that is smoothed around rest, play does not creep while the robot holds still. Source of
@@ -16,6 +19,9 @@ use super::{Arm, MotorTrack, PAUSE_MAX_S};
 
 /// Time between two looks at the load [s]: no motion here changes it within.
 const LOAD_S: f64 = 0.01;
+/// The same where slopes are all that is wanted, and the time between two motor samples then.
+const LOAD_AT_REST_S: f64 = 0.05;
+const STEP_AT_REST_S: f64 = 0.008;
 
 /// Whether holding Coulomb friction makes a play of any joint.
 #[must_use]
@@ -26,24 +32,56 @@ pub fn has_play(arm: &Arm) -> bool {
 /// The motors that would move free joints as these motors move joints with play. After a pause the play is in its middle, as at the start.
 #[must_use]
 pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
+    let held = |j: usize| arm.link_friction[j].held_part;
+    played(arm, motor, LOAD_S, 0.0, &held, &|lag, half, _, _| lag.clamp(-half, half))
+}
+
+/// The motors that would move free joints without inertia as these motors move joints with all their friction, held or giving way.
+#[must_use]
+pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
+    let creep = |lag: f64, half: f64, j: usize, step_s: f64| {
+        let held = arm.link_friction[j].held_part * half;
+        let beyond = lag - lag.clamp(-held, held);
+        let kept = if half > held { (-step_s * arm.stiction_speed(j) / (half - held)).exp() } else { 1.0 };
+        (lag - beyond * (1.0 - kept)).clamp(-half, half)
+    };
+    played(arm, motor, LOAD_AT_REST_S, STEP_AT_REST_S, &|_| 1.0, &creep)
+}
+
+/// Motors behind play: `part` of a joint's friction makes it, and `lagging` says what becomes of a lag at joint `j` with half a play over a
+/// time. The load is weighed every `load_s`; samples closer than `step_s` are left out.
+fn played(
+    arm: &Arm,
+    motor: &MotorTrack,
+    load_s: f64,
+    step_s: f64,
+    part: &dyn Fn(usize) -> f64,
+    lagging: &dyn Fn(f64, f64, usize, f64) -> f64,
+) -> MotorTrack {
     let transmission = &arm.transmission;
     let (mut follower, mut held) = (Vector3::zeros(), Held::default());
     let (mut last_s, mut weighed_s) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-    let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
+    let mut behind = MotorTrack::default();
+    let end_s = motor.time_s.last().copied().unwrap_or_default();
+    for (&time_s, angle) in motor.time_s.iter().zip(&motor.angle) {
+        if time_s - last_s < step_s && time_s < end_s {
+            continue;
+        }
         let rigid = transmission.joint_from_motor(angle);
-        if time_s - weighed_s > LOAD_S {
+        if time_s - weighed_s > load_s {
             weighed_s = time_s;
-            held = Held::at(arm, &rigid);
+            held = Held::at(arm, &rigid, part);
         }
         let wanted = rigid - held.middle;
         if time_s - last_s > PAUSE_MAX_S {
             follower = wanted;
         }
+        follower = Vector3::from_fn(|j, _| wanted[j] + lagging(follower[j] - wanted[j], held.half[j], j, time_s - last_s));
         last_s = time_s;
-        follower = follower.zip_zip_map(&wanted, &held.half, |q: f64, wanted, half| q.clamp(wanted - half, wanted + half));
-        transmission.motor_from_joint(&(follower + held.sag))
-    });
-    MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
+        behind.time_s.push(time_s);
+        behind.angle.push(transmission.motor_from_joint(&(follower + held.sag)));
+    }
+    behind
 }
 
 /// Joints at rest in one pose.
@@ -58,10 +96,9 @@ struct Held {
 }
 
 impl Held {
-    fn at(arm: &Arm, rigid: &Vector3<f64>) -> Self {
+    fn at(arm: &Arm, rigid: &Vector3<f64>, part: &dyn Fn(usize) -> f64) -> Self {
         let tension = arm.transmission.tension_n(&arm.dynamics.bias(rigid, &Vector3::zeros()));
-        let friction =
-            Vector3::from_fn(|j, _| arm.link_friction[j].held_part * arm.dry_friction_n(j, tension[j]) / arm.transmission.link_radius_m[j]);
+        let friction = Vector3::from_fn(|j, _| part(j) * arm.dry_friction_n(j, tension[j]) / arm.transmission.link_radius_m[j]);
         let stretch = |tension: Vector3<f64>| Vector3::from_fn(|j, _| arm.cables[j].static_stretch_m(tension[j]));
         let [free, ahead, behind] = [tension, tension + friction, tension - friction].map(stretch);
         let half_m = (ahead - behind) * 0.5;
