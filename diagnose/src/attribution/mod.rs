@@ -106,8 +106,8 @@ pub struct NotObservable {
     pub because: String,
 }
 
-/// Probability of no effect below which causes are named.
-const NONE_MAX: f64 = 0.2;
+/// Causes are named where it is more probable that there are some than that there are none.
+const NONE_MAX: f64 = 0.5;
 
 /// Says what causes the gap of recordings of an arm or a bench. `each` hears of every step.
 ///

@@ -14,6 +14,9 @@ use crate::attribution::Word;
 /// Evidence from which an effect shows in a recording [nat]: "strong" by Kass and Raftery 1995.
 pub const SHOWS_NATS: f64 = 3.0;
 
+/// Part of a channel's gap that an effect has to close to show there.
+const SHOWS_PART: f64 = 0.1;
+
 /// What a diagnosis said of one recording.
 #[derive(Debug, Clone)]
 pub struct Answer {
@@ -235,13 +238,13 @@ fn said_text(verdict: &Verdict, names: &Names) -> String {
     text
 }
 
-/// Mean part closed by the verdict and when told, over the channels with a gap. A verdict that names nothing closes nothing.
+/// Mean part closed by the verdict and when told, over the channels where what is true shows. A verdict that names nothing closes nothing.
 fn closed_by_both(verdict: &[ChannelGap], told: &[ChannelGap]) -> Option<[f64; 2]> {
     let pairs: Vec<[f64; 2]> = told
         .iter()
         .filter_map(|told| {
             let same = verdict.iter().find(|gap| gap.channel == told.channel)?;
-            Some([same.closed.unwrap_or(0.0), told.closed?])
+            Some([same.closed.unwrap_or(0.0), told.closed.filter(|closed| *closed >= SHOWS_PART)?])
         })
         .collect();
     let mean = |side: usize| pairs.iter().map(|pair| pair[side]).sum::<f64>() / pairs.len() as f64;

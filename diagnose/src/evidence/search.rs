@@ -23,9 +23,9 @@ const MATERIAL: f64 = 0.005;
 const LEAST_NATS: f64 = 3.0;
 /// Or if it takes so much strain off the tolerances of the nominal model [nat].
 const STRAIN_NATS: f64 = 6.0;
-/// Candidates that are refitted: those whose evidence by screen is within so much of the best, at least, at most.
+/// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 const WITHIN_NATS: f64 = 25.0;
-const REFITTED: [usize; 2] = [2, 6];
+const REFITTED: [usize; 2] = [2, 8];
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
 /// A candidate is worth a fit if the screen does not see it this far behind what has to be beaten [nat]: the screen errs on either side.
@@ -121,7 +121,7 @@ impl Fitter<'_> {
     }
 
     /// The nominal model with its slopes, nothing fitted.
-    pub(super) fn at_nominal(&self) -> Result<Option<Hypothesis>> {
+    pub fn at_nominal(&self) -> Result<Option<Hypothesis>> {
         let u = self.nowhere();
         let residuals = self.exact(&u)?;
         let free = self.free(&[]);
@@ -197,18 +197,28 @@ impl Fitter<'_> {
         count: &[usize; 2],
         like: &Hypothesis,
     ) -> Result<Option<Hypothesis>> {
-        let Some(first) = candidates.first().map(|c| c.evidence) else { return Ok(None) };
         let [least, most] = *count;
-        let near = candidates.iter().take_while(|c| c.evidence > first - WITHIN_NATS).count().clamp(least.min(most), most);
-        let fitted: Result<Vec<Option<Hypothesis>>> =
-            candidates.par_iter().take(near).map(|c| self.fit(&c.effects, &c.start, Some(like))).collect();
-        let fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().collect();
+        let mut fitted: Vec<Hypothesis> = Vec::new();
+        let mut tried = 0;
+        // The screen can promise too much: what counts is how far a promise is behind the best that was kept.
+        for batch in candidates[..most.min(candidates.len())].chunks(rayon::current_num_threads()) {
+            let reached = fitted.iter().map(|h| h.evidence).fold(f64::NEG_INFINITY, f64::max);
+            let near =
+                batch.iter().take_while(|c| c.evidence > reached - WITHIN_NATS).count().max(least.saturating_sub(tried).min(batch.len()));
+            let hypotheses: Result<Vec<Option<Hypothesis>>> =
+                batch[..near].par_iter().map(|c| self.fit(&c.effects, &c.start, Some(like))).collect();
+            fitted.extend(hypotheses?.into_iter().flatten());
+            tried += near;
+            if near < batch.len() {
+                break;
+            }
+        }
         for hypothesis in &fitted {
             outcome.keep(hypothesis);
         }
-        // The screen can promise too much; what it thought less of is no better than the least of what was fitted.
+        // What the screen thought less of is no better than the least of what was fitted.
         let least = fitted.iter().map(|h| h.evidence).fold(f64::INFINITY, f64::min);
-        for candidate in candidates.into_iter().skip(near) {
+        for candidate in candidates.into_iter().skip(tried) {
             let known = outcome.screened.get(&candidate.effects).copied().unwrap_or(f64::INFINITY);
             outcome.screened.insert(candidate.effects, candidate.evidence.min(least).min(known));
         }

@@ -411,6 +411,7 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
         within(&key("link_friction.coulomb"), friction.coulomb, [0.0, 1e4], "N m or N", "another unit")?;
         within(&key("link_friction.viscous"), friction.viscous, [0.0, 1e4], "N m s or N s/m", "another unit")?;
         within(&key("link_friction.per_load"), friction.per_load, [0.0, 2.0], "1", "percent")?;
+        within(&key("link_friction.held_part"), friction.held_part, [0.0, 1.0], "1", "percent")?;
     }
     Ok(())
 }

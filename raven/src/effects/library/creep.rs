@@ -8,24 +8,25 @@ pub const EFFECT: Effect = Effect {
     id: "creep",
     scope: Scope::Joint,
     stage: Stage::Transmission,
-    summary: "z' = (ratio gamma / 2 k_e - z) / T in series with the cable",
+    summary: "z' = (ratio gamma / 2 k_e - z) / T in series with the cable, at first as it settles but for a part",
     parameters: &[
         Parameter { name: "ratio", unit: "1", scale: Scale::Magnitude(Size::of(3.0)), tolerance: None },
         Parameter { name: "time", unit: "s", scale: Scale::Shape { middle: 20.0, size: 1.0 }, tolerance: None },
+        // 0 for a robot that has stood there, 1 for one that was without load until then.
+        Parameter { name: "fresh_part", unit: "1", scale: Scale::Offset(Size::of(0.7)), tolerance: None },
     ],
     channels: &[Channel::Tip],
     ties: &[Tie { id: "cable-slip", exact: false }, Tie { id: "missed-counts", exact: false }],
     separated_by: "a pose held for a minute after a change of load, and again",
     act: |model, place, values| {
-        let (j, ratio, time_s) = (place.first, values[0], values[1]);
+        let (j, ratio, time_s, fresh) = (place.first, values[0], values[1], values[2]);
         model.motors.push(Box::new(move |cables, track| {
             let stiffness = cables.stiffness_n[j];
             let per_stretch = 1.0 / cables.transmission.cable_per_motor_m[j];
             let mut crept_m = None;
             under_tension(cables, track, j, |step_s, tension_n, _| {
                 let settled_m = ratio * tension_n / (2.0 * stiffness);
-                // The recording starts with a robot that has stood there.
-                let before = crept_m.unwrap_or(settled_m);
+                let before = crept_m.unwrap_or(settled_m * (1.0 - fresh));
                 let now = settled_m + (before - settled_m) * (-step_s / time_s).exp();
                 crept_m = Some(now);
                 -now * per_stretch
