@@ -71,6 +71,14 @@ pub struct Blamed {
     pub ties: Vec<Tied>,
 }
 
+impl Blamed {
+    /// Its numbers as sentences have them.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<String> {
+        self.parameters.iter().filter(|estimate| !estimate.aside).map(number).collect()
+    }
+}
+
 /// A number of a cause.
 #[derive(Debug, Clone, Serialize)]
 pub struct Estimate {
@@ -82,6 +90,9 @@ pub struct Estimate {
     pub std: f64,
     /// SI.
     pub unit: String,
+    /// Whether it belongs to the law and says nothing of whether the effect is there: left out of sentences.
+    #[serde(skip)]
+    pub aside: bool,
 }
 
 /// An effect that was looked at.
@@ -120,7 +131,7 @@ pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recordi
         let fitter = Fitter { rows: &bench, coordinates: &coordinates };
         let outcome = searched(&fitter, each)?;
         let mut attribution = attribution(&fitter, &outcome)?;
-        (attribution.gap, attribution.remaining) = closure::closures(&bench, &coordinates, named(&outcome).unwrap_or(&outcome.none))?;
+        (attribution.gap, attribution.remaining) = closure::closures(&bench, &coordinates, closing(&outcome, attribution.verdict))?;
         attribution.remarks = bench.remarks().into_iter().map(str::to_owned).collect();
         return Ok(attribution);
     }
@@ -131,7 +142,7 @@ pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recordi
     let fitter = Fitter { rows: &rows, coordinates: &coordinates };
     let outcome = searched(&fitter, each)?;
     let mut attribution = attribution(&fitter, &outcome)?;
-    (attribution.gap, attribution.remaining) = closure::closures(&rows, &coordinates, named(&outcome).unwrap_or(&outcome.none))?;
+    (attribution.gap, attribution.remaining) = closure::closures(&rows, &coordinates, closing(&outcome, attribution.verdict))?;
     Ok(attribution)
 }
 
@@ -183,6 +194,11 @@ fn named(outcome: &Outcome) -> Option<&Hypothesis> {
     Some(&outcome.best).filter(|best| !best.effects.is_empty() && probability_of_none(&outcome.probabilities()) < NONE_MAX)
 }
 
+/// The hypothesis whose effects close the gap: where the verdict blames none, that without effects.
+fn closing(outcome: &Outcome, verdict: Word) -> &Hypothesis {
+    named(outcome).filter(|_| verdict != Word::Unexplained).unwrap_or(&outcome.none)
+}
+
 fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
     probabilities.iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p)
 }
@@ -220,6 +236,7 @@ fn blamed(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) 
     let estimate = |c: usize| {
         let parameter = &sited.effect.parameters[coordinates.all[c].parameter];
         Estimate {
+            aside: coordinates.all[c].is_unknown(),
             name: parameter.name,
             value: parameter.value(best.u[c], kind),
             std: parameter.std(best.u[c], best.std(c), kind),

@@ -21,8 +21,7 @@ pub fn sentence(attribution: &Attribution) -> String {
 
 /// `pulley-radius at the shoulder (relative_error -0.0518 +- 0.0004)`.
 fn cause(blamed: &Blamed) -> String {
-    let numbers: Vec<String> = blamed.parameters.iter().map(number).collect();
-    format!("{} ({})", at(blamed.id, blamed.joint.as_deref()), numbers.join(", "))
+    format!("{} ({})", at(blamed.id, blamed.joint.as_deref()), blamed.numbers().join(", "))
 }
 
 /// An effect at its place: `pulley-radius at the shoulder`.
@@ -34,7 +33,7 @@ pub fn at(id: &str, joint: Option<&str>) -> String {
 /// A number with as many digits as its deviation gives meaning to.
 #[must_use]
 pub fn number(estimate: &Estimate) -> String {
-    let Estimate { name, value, std, unit } = estimate;
+    let Estimate { name, value, std, unit, .. } = estimate;
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
     let digits = if *std > 0.0 { (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 };
     format!("{name} {value:.digits$} +- {std:.digits$}{unit}")

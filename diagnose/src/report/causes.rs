@@ -1,7 +1,7 @@
 //! The page with what the recordings say of causes.
 
 use super::{Candidate, Detectable, GapBar, Page, remaining};
-use crate::attribution::{Attribution, Remaining, at, number, sentence};
+use crate::attribution::{Attribution, Remaining, at, sentence};
 
 /// Candidates that the page shows.
 const SHOWN: usize = 12;
@@ -28,7 +28,7 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
         joint: candidate.joint.clone(),
         probability: candidate.probability,
         evidence_nats: candidate.evidence_nats,
-        parameters: blamed(candidate).map_or_else(Vec::new, |effect| effect.parameters.iter().map(number).collect()),
+        parameters: blamed(candidate).map_or_else(Vec::new, |effect| effect.numbers()),
         chosen: blamed(candidate).is_some(),
     };
     page.candidates = attribution.candidates.iter().take(SHOWN).map(shown).collect();

@@ -18,6 +18,8 @@ pub fn listed(robot: &Robot) -> Result<Vec<Effect>> {
         let values = match (kind, values.as_slice()) {
             // `a sin(q) + b cos(q) = e sin(q + p)`.
             (EffectKind::PulleyEccentricity, &[sine, cosine]) => vec![f64::hypot(sine, cosine), f64::atan2(cosine, sine)],
+            // How far it has settled at a recording's start follows from the session before.
+            (EffectKind::Creep, &[ratio, time_s, _]) => vec![ratio, time_s],
             _ => values,
         };
         let effect = Effect::new(kind, listed.joint.as_deref(), &values);
@@ -46,8 +48,9 @@ mod tests {
             let values: Vec<f64> =
                 effect.parameters.iter().map(|p| if p.name == "cosine" { 0.0 } else { p.value(0.3, sited.measure) }).collect();
             let listing = sited.added_to(&robot, None, &values).unwrap();
-            let hidden =
-                Effect::new(EffectKind::all().find(|kind| kind.id() == effect.id).unwrap(), sited.joint(&robot).as_deref(), &values);
+            let kind = EffectKind::all().find(|kind| kind.id() == effect.id).unwrap();
+            let own = if kind == EffectKind::Creep { &values[..2] } else { &values };
+            let hidden = Effect::new(kind, sited.joint(&robot).as_deref(), own);
             let truth = |robot: &Robot, effects: Vec<Effect>| {
                 let session = Session::new(robot, Options { effects, ..Options::default() }).unwrap();
                 (format!("{:?} {:?}", session.truth().machine, session.truth().delays), session.truth().effects.len())
