@@ -18,6 +18,7 @@ pub mod register;
 pub mod saddle;
 pub mod start;
 pub mod stills;
+pub mod summary;
 pub mod uncertainty;
 pub mod verdict;
 

@@ -16,7 +16,7 @@ use raven::camera::{Cameras, Quality};
 use crate::bundle::{Free, hold};
 use crate::linear::{Block, Rig, SHARED};
 
-/// Covariance of the shared parameters at the optimum, 24x24, zero for fixed ones; `None` if some board alone determines a parameter.
+/// Covariance of the shared parameters at the optimum, 26x26, zero for fixed ones; `None` if some board alone determines a parameter.
 #[must_use]
 pub fn covariance(blocks: &[Block], free: Free) -> Option<SMatrix<f64, SHARED, SHARED>> {
     let reduced: Vec<(SVector<f64, SHARED>, SMatrix<f64, SHARED, SHARED>)> =

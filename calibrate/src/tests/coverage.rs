@@ -30,7 +30,12 @@ fn intervals_of_95_percent_hold_in_95_of_100_calibrations() {
             let along = (direction.transpose() * covariance.fixed_view::<3, 3>(PAIR + 3, PAIR + 3) * direction)[0].sqrt();
             let turn = (pose.rotation * lab.right_from_left.rotation.inverse()).scaled_axis();
             let point = Vector3::new(0.02, -0.03, 0.4);
-            let truth = cameras_of(&crate::linear::Rig { cameras: lab.cameras, right_from_left: lab.right_from_left, boards: Vec::new() });
+            let truth = cameras_of(&crate::linear::Rig {
+                cameras: lab.cameras,
+                right_from_left: lab.right_from_left,
+                bow_m: nalgebra::Vector2::zeros(),
+                boards: Vec::new(),
+            });
             let pixels = truth.project(&point).unwrap();
             let seen = cameras_of(&found.rig).triangulate(&pixels, &[nalgebra::Matrix2::identity(); 2]).unwrap().point_left;
             let depth = point_covariance(&found.rig, &covariance, &point).unwrap()[(2, 2)].sqrt();
