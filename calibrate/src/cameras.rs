@@ -69,9 +69,18 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
         let (columns, rows) = (args.board.columns, args.board.rows);
         return Err(Error::Data(format!(
             "no board with {columns} x {rows} inner corners was found in {} left and {} right pictures; --board counts inner corners, one less \
-             than squares.",
-            pictures.pictures[0], pictures.pictures[1]
+             than squares. {}",
+            pictures.pictures[0],
+            pictures.pictures[1],
+            pictures.glimpses.nearest()
         )));
+    }
+    if let Some((columns, rows)) = pictures.glimpses.other_size(args.board) {
+        let told = args.board;
+        cli::warn(&format!(
+            "most pictures show a grid of {columns} x {rows} inner corners, not {} x {}; is --board right?",
+            told.columns, told.rows
+        ));
     }
     let found = Instant::now();
     let options = Options { k3: args.k3, bow: args.bow };

@@ -5,6 +5,7 @@ pub mod bundle;
 pub mod calibration;
 pub mod cameras;
 pub mod corners;
+pub mod glimpses;
 pub mod glob;
 pub mod grid;
 pub mod homography;

@@ -102,7 +102,10 @@ fn wrong_pictures_end_in_a_sentence() {
         refused(&args)
     };
     let none = cameras(&["l*.png"], &["r*.png"]);
-    assert!(matches!(&none, Error::Data(s) if s.contains("9 x 6 inner corners") && s.contains("2 left and 2 right")), "{none}");
+    assert!(
+        matches!(&none, Error::Data(s) if s.contains("9 x 6 inner corners") && s.contains("2 left and 2 right") && s.contains("nothing that looks like")),
+        "{none}"
+    );
     let one = cameras(&["l1.png"], &["r*.png"]);
     assert!(matches!(&one, Error::Argument(s) if s.contains("1 left and 2 right")), "{one}");
     let sizes = cameras(&["l1.png", "big.png"], &["r*.png"]).to_string();

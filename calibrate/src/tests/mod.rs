@@ -4,6 +4,8 @@ mod commands;
 mod corners;
 mod coverage;
 mod exact;
+mod halves;
+mod hard;
 mod marker;
 mod real;
 mod scene;

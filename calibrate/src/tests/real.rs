@@ -7,7 +7,8 @@ use serde_json::Value;
 
 use crate::{Args, run};
 
-fn data(path: &str) -> Option<PathBuf> {
+/// Something in `shared/data`; `None`, and a line that says so, where it is not.
+pub fn data(path: &str) -> Option<PathBuf> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")).join(path);
     if path.exists() {
         return Some(path);
