@@ -1,6 +1,6 @@
 //! From sightings to two calibrated cameras: each alone, then both and all boards together.
 
-use nalgebra::{Isometry3, SMatrix, Vector2};
+use nalgebra::{Isometry3, Vector2};
 use raven::camera::Pinhole;
 use raven::{Error, Result};
 
@@ -8,9 +8,10 @@ use crate::board::Board;
 use crate::bundle::{self, Free, Solution};
 use crate::corners::Sighting;
 use crate::grid::{Grid, Relabel};
-use crate::linear::{Block, Corner, Huber, Rig, SHARED, View};
+use crate::linear::{Block, Corner, Huber, Rig, View};
 use crate::pairing::{self, Pair};
-use crate::{start, uncertainty};
+use crate::start;
+use crate::uncertainty::Deviations;
 
 /// What both cameras saw at one instant.
 #[derive(Debug, Clone)]
@@ -31,7 +32,7 @@ pub struct Calibration {
     /// Reprojection RMS of both cameras with one pose per board [px].
     pub rms_px: f64,
     /// Covariance of the shared parameters; `None` if one board alone determines some.
-    pub covariance: Option<SMatrix<f64, SHARED, SHARED>>,
+    pub deviations: Option<Deviations>,
     /// Index of the shot and RMS [px] of each pair that was used as one.
     pub pairs: Vec<(usize, f64)>,
     /// Shots whose two grids could not be matched; both were used, each with a pose of its own.
@@ -61,6 +62,14 @@ pub struct Options {
     pub k3: bool,
     /// The board's bow.
     pub bow: bool,
+}
+
+impl Calibration {
+    /// Standard deviation of a shared parameter, if it is known.
+    #[must_use]
+    pub fn std(&self, parameter: usize) -> Option<f64> {
+        Some(self.deviations.as_ref()?.covariance[(parameter, parameter)].sqrt())
+    }
 }
 
 impl Options {
@@ -137,7 +146,7 @@ pub fn calibrate(shots: &[Shot], sizes_px: [(u32, u32); 2], board: &Board, optio
     let pairs = shots_of_pairs.into_iter().zip(residuals.iter().map(|both| rms(both.iter().flatten()))).collect();
     Ok(Calibration {
         rms_px: rms(residuals.iter().flatten().flatten()),
-        covariance: uncertainty::covariance(&solution.blocks, free),
+        deviations: Deviations::of(&solution.blocks, free),
         pairs,
         unmatched,
         gradient: solution.gradient,

@@ -91,7 +91,7 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     }
     let report = report(&calibration, &pictures, Seconds { all: started.elapsed().as_secs_f64(), solve });
     let sentences = verdict::sentences(&calibration, &pictures.shots, &board);
-    let mut text = table(&report, calibration.mono.iter().map(|m| m.poses.iter().flatten().count()).min().unwrap_or(0));
+    let mut text = table(&report, &calibration);
     sentences.iter().for_each(|s| text += &format!("{}\n", s.text));
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-".as_ref(), "write", e))?;
     sentences.iter().filter(|s| s.warning).for_each(|s| cli::warn(&s.text));
@@ -107,7 +107,7 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
 
 /// What goes to `cameras.yaml`.
 fn cameras(calibration: &Calibration) -> Cameras {
-    let std = |at: usize| calibration.covariance.map(|c| std::array::from_fn(|i| c[(at + i, at + i)].sqrt()));
+    let std = |at: usize| Some([calibration.std(at)?, calibration.std(at + 1)?, calibration.std(at + 2)?, calibration.std(at + 3)?]);
     Cameras {
         quality: Quality {
             left_rms_px: Some(calibration.mono[0].rms_px),

@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
+use nalgebra::SVector;
 use serde::Serialize;
 
 use crate::calibration::Calibration;
-use crate::linear::{BOW, CAMERA, PAIR};
+use crate::linear::{BOW, CAMERA, PAIR, SHARED};
 use crate::pictures::Pictures;
-use crate::{uncertainty, verdict};
+use crate::verdict;
 
 /// The result as scripts read it.
 #[derive(Debug, Clone, Serialize)]
@@ -107,15 +108,21 @@ pub struct StereoReport {
 /// Standard deviation of the distance between the cameras [m].
 #[must_use]
 pub fn baseline_std_m(calibration: &Calibration) -> Option<f64> {
-    let direction = calibration.rig.right_from_left.translation.vector.normalize();
-    let covariance = calibration.covariance?.fixed_view::<3, 3>(PAIR + 3, PAIR + 3).into_owned();
-    Some((direction.transpose() * covariance * direction)[0].sqrt())
+    let direction = along_baseline(calibration);
+    Some((direction.transpose() * calibration.deviations.as_ref()?.covariance * direction)[0].sqrt())
+}
+
+/// Slope of the distance between the cameras with the shared parameters.
+fn along_baseline(calibration: &Calibration) -> SVector<f64, SHARED> {
+    let mut direction = SVector::<f64, SHARED>::zeros();
+    direction.fixed_rows_mut::<3>(PAIR + 3).copy_from(&calibration.rig.right_from_left.translation.vector.normalize());
+    direction
 }
 
 /// The result as scripts read it.
 #[must_use]
 pub fn report(calibration: &Calibration, pictures: &Pictures, seconds: Seconds) -> Report {
-    let std = |at: usize| calibration.covariance.map(|c| c[(at, at)].sqrt());
+    let std = |at: usize| calibration.std(at);
     let three = |at: usize| Some([std(at)?, std(at + 1)?, std(at + 2)?]);
     let camera = |camera: usize| {
         let (c, at) = (&calibration.rig.cameras[camera], CAMERA * camera);
@@ -157,33 +164,50 @@ pub fn report(calibration: &Calibration, pictures: &Pictures, seconds: Seconds) 
 
 /// The result as people read it, with 95 % intervals.
 #[must_use]
-pub fn table(report: &Report, boards: usize) -> String {
-    let t = uncertainty::t95(boards);
+pub fn table(report: &Report, calibration: &Calibration) -> String {
     let mut text = format!("{:16}{:>24}{:>24}   (+- is 95 %)\n", "", "left", "right");
-    let cell = |value: f64, std: Option<f64>, digits: usize| match std {
-        Some(std) => format!("{value:.digits$} +- {:.digits$}", t * std),
-        None => format!("{value:.digits$}"),
-    };
     let mut row = |name: &str, cells: [String; 2]| {
         let _ = writeln!(text, "{name:16}{:>24}{:>24}", cells[0], cells[1]);
     };
     let both = [&report.left, &report.right];
     row("boards", both.map(|c| format!("{} of {}", c.boards_used, c.pictures)));
     row("RMS alone [px]", both.map(|c| format!("{:.4}", c.rms_px)));
-    row("fx [px]", both.map(|c| cell(c.fx, c.std.as_ref().map(|s| s.fx), 3)));
-    row("fy [px]", both.map(|c| cell(c.fy, c.std.as_ref().map(|s| s.fy), 3)));
-    row("cx [px]", both.map(|c| cell(c.cx, c.std.as_ref().map(|s| s.cx), 3)));
-    row("cy [px]", both.map(|c| cell(c.cy, c.std.as_ref().map(|s| s.cy), 3)));
-    for (i, name) in ["k1", "k2", "p1", "p2", "k3"].into_iter().enumerate() {
-        row(name, both.map(|c| cell(c.distortion[i], c.std.as_ref().map(|s| s.distortion[i]), 5)));
+    for (i, (name, digits)) in NAMES.into_iter().enumerate() {
+        let cell = |camera: usize| {
+            let free = calibration.free.parameter(CAMERA * camera + i);
+            let reach = reach(calibration, CAMERA * camera + i, 1.0, digits);
+            if free { format!("{:.digits$}{reach}", both[camera].parameter(i)) } else { "0 (fixed)".to_owned() }
+        };
+        row(name, [cell(0), cell(1)]);
     }
     let stereo = &report.stereo;
-    let interval =
-        |std: Option<f64>, scale: f64, digits: usize| std.map_or_else(String::new, |s| format!(" +- {:.digits$}", t * s * scale));
     let _ = writeln!(text, "RMS together [px]   {:.4} in {} pairs", stereo.rms_px, stereo.pairs);
-    let _ = writeln!(text, "baseline [mm]       {:.4}{}", 1e3 * stereo.baseline_m, interval(stereo.baseline_std_m, 1e3, 4));
+    let along = baseline_std_m(calibration).zip(calibration.deviations.as_ref());
+    let along = along.map_or_else(String::new, |(std, d)| format!(" +- {:.4}", 1e3 * std * d.t95(&along_baseline(calibration))));
+    let _ = writeln!(text, "baseline [mm]       {:.4}{along}", 1e3 * stereo.baseline_m);
     let [x, y, z] = stereo.rotation_vector_rad.map(f64::to_degrees);
-    let [sx, sy, sz] = [0, 1, 2].map(|i| interval(stereo.rotation_std_rad.map(|s| s[i].to_degrees()), 1.0, 4));
+    let [sx, sy, sz] = [0, 1, 2].map(|i| reach(calibration, PAIR + i, 1_f64.to_degrees(), 4));
     let _ = writeln!(text, "rotation [deg]      {x:.4}{sx}, {y:.4}{sy}, {z:.4}{sz}");
+    if let Some([x, y]) = stereo.bow_m {
+        let [sx, sy] = [0, 1].map(|i| reach(calibration, BOW + i, 1e3, 3));
+        let _ = writeln!(text, "bow of board [mm]   {:.3}{sx} along x, {:.3}{sy} along y", 1e3 * x, 1e3 * y);
+    }
     text
+}
+
+/// Names of a camera's parameters, and digits after the point.
+const NAMES: [(&str, usize); CAMERA] =
+    [("fx [px]", 3), ("fy [px]", 3), ("cx [px]", 3), ("cy [px]", 3), ("k1", 5), ("k2", 5), ("p1", 5), ("p2", 5), ("k3", 5)];
+
+impl CameraReport {
+    fn parameter(&self, index: usize) -> f64 {
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        [self.fx, self.fy, self.cx, self.cy, k1, k2, p1, p2, k3].get(index).copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// How far 95 % reaches about a parameter, as ` +- 0.123`; nothing where that is not known.
+fn reach(calibration: &Calibration, parameter: usize, scale: f64, digits: usize) -> String {
+    let known = calibration.std(parameter).zip(calibration.deviations.as_ref());
+    known.map_or_else(String::new, |(std, d)| format!(" +- {:.digits$}", scale * std * d.t95_of(parameter)))
 }

@@ -117,9 +117,9 @@ fn depth(calibration: &Calibration, board: &Board) -> Sentence {
         text: "Too few boards: leaving one out leaves a parameter open, so no standard deviations are known. Show more boards.".to_owned(),
         warning: true,
     };
-    let Some(covariance) = &calibration.covariance else { return unknown };
+    let Some(deviations) = &calibration.deviations else { return unknown };
     let distance = mean_distance(&calibration.rig, board);
-    let Some(point) = uncertainty::point_covariance(&calibration.rig, covariance, &Vector3::new(0.0, 0.0, distance)) else {
+    let Some(point) = uncertainty::point_covariance(&calibration.rig, &deviations.covariance, &Vector3::new(0.0, 0.0, distance)) else {
         return unknown;
     };
     let std = point[(2, 2)].sqrt();

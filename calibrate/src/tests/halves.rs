@@ -16,7 +16,7 @@ const SPLITS: u64 = 60;
 
 /// Differences of the left camera's numbers, the right one's, and those of the pose between them, in standard deviations.
 fn differences(one: &Calibration, other: &Calibration) -> Option<[Vec<f64>; 3]> {
-    let (here, there) = (one.covariance?, other.covariance?);
+    let (here, there) = (one.deviations.as_ref()?.covariance, other.deviations.as_ref()?.covariance);
     let z = |index: usize, difference: f64| difference / (here[(index, index)] + there[(index, index)]).sqrt();
     let numbers = |c: &Pinhole| [c.fx, c.fy, c.cx, c.cy, c.distortion[0], c.distortion[1], c.distortion[2], c.distortion[3]];
     let camera = |c: usize| -> Vec<f64> {
