@@ -1,19 +1,21 @@
 //! `raven-calibrate cameras`: two cameras from pictures of a checkerboard.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use nalgebra::Vector3;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
+use raven::files::write_atomic;
 use raven::{Error, Result};
 
 use crate::board::{Board, BoardSize};
 use crate::calibration::{self, Calibration, Options};
 use crate::linear::CAMERA;
 use crate::summary::{Seconds, baseline_std_m, report, table};
-use crate::{glob, pictures, uncertainty, verdict};
+use crate::{export, folds, glob, page, pictures, uncertainty, verdict};
 
 /// Calibrate both cameras and the pose between them from pictures of a checkerboard.
 ///
@@ -44,6 +46,18 @@ pub struct CamerasArgs {
     /// Where to write the cameras.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Write a ROS camera_info of each camera, left.yaml and right.yaml, into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub export_ros: Option<PathBuf>,
+    /// Write a Kalibr camera chain.
+    #[arg(long, value_name = "FILE")]
+    pub export_kalibr: Option<PathBuf>,
+    /// Write stereo parameters for OpenCV's FileStorage.
+    #[arg(long, value_name = "FILE")]
+    pub export_opencv: Option<PathBuf>,
+    /// Write the report as one HTML page, with residuals and maps of what is known how well.
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -53,6 +67,8 @@ fn square(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
     if (1e-4..=1.0).contains(&value) { Ok(value) } else { Err(format!("{value} is not between 0.0001 and 1 m; is it in millimetres?")) }
 }
+
+type Export = fn(&Cameras, &Path) -> Result<()>;
 
 /// Runs the command; the result goes to `out`.
 ///
@@ -86,12 +102,24 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     let options = Options { k3: args.k3, bow: args.bow };
     let calibration = calibration::calibrate(&pictures.shots, pictures.sizes_px, &board, options)?;
     let solve = found.elapsed().as_secs_f64();
+    let cameras = cameras(&calibration);
     if let Some(output) = &args.output {
-        cameras(&calibration).write(output)?;
+        cameras.write(output)?;
     }
-    let report = report(&calibration, &pictures, Seconds { all: started.elapsed().as_secs_f64(), solve });
-    let sentences = verdict::sentences(&calibration, &pictures.shots, &board);
+    for (path, write) in
+        [(&args.export_ros, export::ros as Export), (&args.export_kalibr, export::kalibr), (&args.export_opencv, export::opencv)]
+    {
+        path.as_ref().map_or(Ok(()), |path| write(&cameras, path))?;
+    }
+    let middle = Vector3::z() * verdict::mean_distance_m(&calibration.rig, &board);
+    let folds = folds::cross_validate(&calibration, &middle);
+    let report = report(&calibration, folds, &pictures, Seconds { all: started.elapsed().as_secs_f64(), solve });
+    let sentences = verdict::sentences(&calibration, folds.as_ref(), &pictures.shots, &board);
     let mut text = table(&report, &calibration);
+    if let Some(path) = &args.html {
+        let page = page::html(&calibration, &pictures.shots, &board, &text, &sentences);
+        write_atomic(path, page.as_bytes())?;
+    }
     sentences.iter().for_each(|s| text += &format!("{}\n", s.text));
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-".as_ref(), "write", e))?;
     sentences.iter().filter(|s| s.warning).for_each(|s| cli::warn(&s.text));

@@ -226,7 +226,8 @@ fn turn_slope(slope: &Matrix2x3<f64>, arm: &Vector3<f64>) -> Matrix2x3<f64> {
 }
 
 /// Slope of a pixel with `fx fy cx cy k1 k2 p1 p2 k3` at normalised coordinates, 2x9.
-fn intrinsic_slope(camera: &Pinhole, normal: &Vector2<f64>, pixel: &Vector2<f64>) -> SMatrix<f64, 2, CAMERA> {
+#[must_use]
+pub fn intrinsic_slope(camera: &Pinhole, normal: &Vector2<f64>, pixel: &Vector2<f64>) -> SMatrix<f64, 2, CAMERA> {
     let (x, y) = (normal.x, normal.y);
     let (fx, fy) = (camera.fx, camera.fy);
     let r2 = x * x + y * y;

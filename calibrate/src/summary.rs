@@ -6,6 +6,7 @@ use nalgebra::SVector;
 use serde::Serialize;
 
 use crate::calibration::Calibration;
+use crate::folds::Folds;
 use crate::linear::{BOW, CAMERA, PAIR, SHARED};
 use crate::pictures::Pictures;
 use crate::verdict;
@@ -19,6 +20,8 @@ pub struct Report {
     pub right: CameraReport,
     /// Both.
     pub stereo: StereoReport,
+    /// Boards left out; `None` with too few.
+    pub cross_validation: Option<Folds>,
     /// Time from start to end [s].
     pub seconds: f64,
     /// Of it from corners to cameras [s].
@@ -121,7 +124,7 @@ fn along_baseline(calibration: &Calibration) -> SVector<f64, SHARED> {
 
 /// The result as scripts read it.
 #[must_use]
-pub fn report(calibration: &Calibration, pictures: &Pictures, seconds: Seconds) -> Report {
+pub fn report(calibration: &Calibration, cross_validation: Option<Folds>, pictures: &Pictures, seconds: Seconds) -> Report {
     let std = |at: usize| calibration.std(at);
     let three = |at: usize| Some([std(at)?, std(at + 1)?, std(at + 2)?]);
     let camera = |camera: usize| {
@@ -159,7 +162,7 @@ pub fn report(calibration: &Calibration, pictures: &Pictures, seconds: Seconds) 
         bow_m: bowed.then(|| calibration.rig.bow_m.into()),
         bow_std_m: (|| Some([std(BOW)?, std(BOW + 1)?]).filter(|_| bowed))(),
     };
-    Report { left: camera(0), right: camera(1), stereo, seconds: seconds.all, solve_seconds: seconds.solve }
+    Report { left: camera(0), right: camera(1), stereo, cross_validation, seconds: seconds.all, solve_seconds: seconds.solve }
 }
 
 /// The result as people read it, with 95 % intervals.
