@@ -66,7 +66,7 @@ pub fn map(id: &str, camera: &Pinhole, map: &Map, title: &str, unit: &str, scale
         }
     }
     let [low, high, middle] = [low, high, map.median().unwrap_or(f64::NAN)].map(|v| figure(v * scale_to_unit));
-    let legend = format!("{low} {unit} (pale) to {high} {unit} (dark), half of the image below {middle} {unit}");
+    let legend = format!("{low} {unit} (pale) to {high} {unit} (dark), half of the map below {middle} {unit}");
     inside += &text(0.0, height + HEAD + 18.0, "s", &legend);
     frame(id, [WIDTH, HEAD + height + FOOT], title, &legend, &inside)
 }
@@ -110,7 +110,7 @@ mod tests {
         let values = vec![Some(0.001), Some(0.002), None, Some(0.004)];
         let svg = map("m", &camera, &Map { cells: (2, 2), values }, "depth", "mm", 1e3);
         assert_eq!(svg.matches("class=\"heat\"").count(), 3);
-        assert!(svg.contains("1.00 mm (pale) to 4.00 mm (dark), half of the image below 2.00 mm"), "{svg}");
+        assert!(svg.contains("1.00 mm (pale) to 4.00 mm (dark), half of the map below 2.00 mm"), "{svg}");
         let unknown = map("m", &camera, &Map { cells: (1, 1), values: vec![None] }, "depth", "mm", 1e3);
         assert!(!unknown.contains("NaN"), "{unknown}");
     }

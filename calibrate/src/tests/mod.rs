@@ -10,3 +10,4 @@ mod marker;
 mod real;
 mod scene;
 mod simulated;
+mod validated;

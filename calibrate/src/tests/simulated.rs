@@ -22,7 +22,7 @@ pub struct Lab {
 }
 
 /// What goes wrong with corners.
-#[derive(Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Noise {
     /// Of each corner by itself [px].
     pub corner_px: f64,
