@@ -43,7 +43,7 @@ fn scene(kind: &Kind, rng: &mut ChaCha8Rng) -> Scene {
     let tilt = [-kind.tilt_rad, kind.tilt_rad];
     let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(between(tilt), between(tilt), 0.0))
         * UnitQuaternion::from_scaled_axis(Vector3::z() * between([-3.1, 3.1]));
-    let (aside, angle, z) = (between(kind.aside), between([0.0, 6.28]), between(kind.away_m));
+    let (aside, angle, z) = (between(kind.aside), between([0.0, std::f64::consts::TAU]), between(kind.away_m));
     let centre = Vector3::new(aside * angle.cos() * 240.0 / 420.0, aside * angle.sin() * 180.0 / 420.0, 1.0) * z;
     let camera_from_board = Isometry3::from_parts((centre - rotation * board.middle()).into(), rotation);
     Scene { camera, board, camera_from_board, blur_px: between(kind.blur_px), noise: between(kind.noise) }
