@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use crate::grid::Label;
 
@@ -49,6 +49,13 @@ impl Board {
     #[must_use]
     pub fn point(&self, (column, row): Label) -> Vector3<f64> {
         Vector3::new(f64::from(column), f64::from(row), 0.0) * self.square_m
+    }
+
+    /// How far the two numbers of the board's bow move a corner: `1 - x^2, 1 - y^2` with `x, y` from -1 to 1 across the corners.
+    #[must_use]
+    pub fn bow(&self, (column, row): Label) -> Vector2<f64> {
+        let part = |at: i32, count: usize| 1.0 - (2.0 * f64::from(at) / (count as f64 - 1.0) - 1.0).powi(2);
+        Vector2::new(part(column, self.size.columns), part(row, self.size.rows))
     }
 
     /// The middle of the corners in the board's frame [m].

@@ -1,7 +1,7 @@
 //! Bundle adjustment: cameras, the pose between them and all boards at once, by Levenberg and Marquardt's method.
 //!
 //! Each board's pose appears in its own corners only, so it is eliminated from the normal equations (Schur's complement), which leaves a
-//! system of the 24 shared parameters whatever the number of boards:
+//! system of the 26 shared parameters whatever the number of boards:
 //!
 //! ```text
 //! S = sum_b A_b - B_b C_b^-1 B_b',   s = sum_b a_b - B_b C_b^-1 c_b,   S d = -s,   d_b = -C_b^-1 (c_b + B_b' d)
@@ -9,15 +9,19 @@
 
 use nalgebra::{SMatrix, SVector, Vector6};
 
-use crate::linear::{Block, CAMERA, Huber, PAIR, Rig, SHARED, View};
+use crate::linear::{BOW, Block, CAMERA, Huber, PAIR, Rig, SHARED, View};
 
 /// Which of the shared parameters are solved for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Free {
+    /// Any at all; without them each board is placed before cameras that stay.
+    pub shared: bool,
     /// Right camera and the pose between the cameras; without them this calibrates the left camera alone.
     pub pair: bool,
     /// The distortion's sixth-order term.
     pub k3: bool,
+    /// The board's bow.
+    pub bow: bool,
 }
 
 impl Free {
@@ -25,7 +29,8 @@ impl Free {
     #[must_use]
     pub fn parameter(self, index: usize) -> bool {
         let k3 = index == CAMERA - 1 || index == PAIR - 1;
-        (self.k3 || !k3) && (self.pair || index < CAMERA)
+        let bow = index >= BOW;
+        self.shared && (self.k3 || !k3) && if bow { self.bow } else { self.pair || index < CAMERA }
     }
 }
 

@@ -1,21 +1,21 @@
 //! `raven-calibrate cameras`: two cameras from pictures of a checkerboard.
 
-use std::fmt::Write as _;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use nalgebra::Vector3;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
+use raven::files::write_atomic;
 use raven::{Error, Result};
-use serde::Serialize;
 
 use crate::board::{Board, BoardSize};
-use crate::calibration::{self, Calibration};
-use crate::linear::{CAMERA, PAIR};
-use crate::pictures::{self, Pictures};
-use crate::{glob, uncertainty, verdict};
+use crate::calibration::{self, Calibration, Options};
+use crate::linear::CAMERA;
+use crate::summary::{Seconds, baseline_std_m, report, table};
+use crate::{export, folds, glob, page, pictures, uncertainty, verdict};
 
 /// Calibrate both cameras and the pose between them from pictures of a checkerboard.
 ///
@@ -40,9 +40,24 @@ pub struct CamerasArgs {
     /// Solve for the sixth-order radial distortion too.
     #[arg(long)]
     pub k3: bool,
+    /// Solve for the board's bow too: a paper board is seldom flat.
+    #[arg(long)]
+    pub bow: bool,
     /// Where to write the cameras.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Write a ROS camera_info of each camera, left.yaml and right.yaml, into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub export_ros: Option<PathBuf>,
+    /// Write a Kalibr camera chain.
+    #[arg(long, value_name = "FILE")]
+    pub export_kalibr: Option<PathBuf>,
+    /// Write stereo parameters for OpenCV's FileStorage.
+    #[arg(long, value_name = "FILE")]
+    pub export_opencv: Option<PathBuf>,
+    /// Write the report as one HTML page, with residuals and maps of what is known how well.
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -53,83 +68,7 @@ fn square(text: &str) -> Result<f64, String> {
     if (1e-4..=1.0).contains(&value) { Ok(value) } else { Err(format!("{value} is not between 0.0001 and 1 m; is it in millimetres?")) }
 }
 
-/// The result as scripts read it.
-#[derive(Debug, Clone, Serialize)]
-pub struct Report {
-    /// Left camera.
-    pub left: CameraReport,
-    /// Right camera.
-    pub right: CameraReport,
-    /// Both.
-    pub stereo: StereoReport,
-    /// Time from start to end [s].
-    pub seconds: f64,
-}
-
-/// One camera.
-#[derive(Debug, Clone, Serialize)]
-pub struct CameraReport {
-    /// Reprojection RMS of this camera alone [px].
-    pub rms_px: f64,
-    /// Focal length along u [px].
-    pub fx: f64,
-    /// Focal length along v [px].
-    pub fy: f64,
-    /// Principal point, u [px].
-    pub cx: f64,
-    /// Principal point, v [px].
-    pub cy: f64,
-    /// `k1, k2, p1, p2, k3`.
-    pub distortion: [f64; 5],
-    /// Standard deviations; `None` where too few boards leave them open.
-    pub std: Option<CameraStd>,
-    /// Boards in the solution.
-    pub boards_used: usize,
-    /// Pictures in which the board was found.
-    pub boards_seen: usize,
-    /// Pictures.
-    pub pictures: usize,
-}
-
-/// Standard deviations of one camera.
-#[derive(Debug, Clone, Serialize)]
-pub struct CameraStd {
-    /// [px].
-    pub fx: f64,
-    /// [px].
-    pub fy: f64,
-    /// [px].
-    pub cx: f64,
-    /// [px].
-    pub cy: f64,
-    /// `k1, k2, p1, p2, k3`.
-    pub distortion: [f64; 5],
-}
-
-/// The pose between the cameras.
-#[derive(Debug, Clone, Serialize)]
-pub struct StereoReport {
-    /// Reprojection RMS of both cameras with one pose per board [px].
-    pub rms_px: f64,
-    /// Distance between the cameras [m].
-    pub baseline_m: f64,
-    /// Angle of the rotation between the cameras [deg].
-    pub rotation_deg: f64,
-    /// `x_right = R x_left + t`: rotation vector of `R` [rad].
-    pub rotation_vector_rad: [f64; 3],
-    /// `t` [m].
-    pub translation_m: [f64; 3],
-    /// Standard deviation of the distance [m].
-    pub baseline_std_m: Option<f64>,
-    /// Standard deviations of the rotation about the right camera's axes [rad].
-    pub rotation_std_rad: Option<[f64; 3]>,
-    /// Standard deviations of `t` [m].
-    pub translation_std_m: Option<[f64; 3]>,
-    /// Pairs of pictures with the board in both.
-    pub pairs: usize,
-    /// Stereo RMS over mono RMS.
-    pub synchronisation: f64,
-}
+type Export = fn(&Cameras, &Path) -> Result<()>;
 
 /// Runs the command; the result goes to `out`.
 ///
@@ -146,17 +85,41 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
         let (columns, rows) = (args.board.columns, args.board.rows);
         return Err(Error::Data(format!(
             "no board with {columns} x {rows} inner corners was found in {} left and {} right pictures; --board counts inner corners, one less \
-             than squares.",
-            pictures.pictures[0], pictures.pictures[1]
+             than squares. {}",
+            pictures.pictures[0],
+            pictures.pictures[1],
+            pictures.glimpses.nearest()
         )));
     }
-    let calibration = calibration::calibrate(&pictures.shots, pictures.sizes_px, &board, args.k3)?;
-    if let Some(output) = &args.output {
-        cameras(&calibration).write(output)?;
+    if let Some((columns, rows)) = pictures.glimpses.other_size(args.board) {
+        let told = args.board;
+        cli::warn(&format!(
+            "most pictures show a grid of {columns} x {rows} inner corners, not {} x {}; is --board right?",
+            told.columns, told.rows
+        ));
     }
-    let report = report(&calibration, &pictures, started.elapsed().as_secs_f64());
-    let sentences = verdict::sentences(&calibration, &pictures.shots, &board);
-    let mut text = table(&report, calibration.mono.iter().map(|m| m.poses.iter().flatten().count()).min().unwrap_or(0));
+    let found = Instant::now();
+    let options = Options { k3: args.k3, bow: args.bow };
+    let calibration = calibration::calibrate(&pictures.shots, pictures.sizes_px, &board, options)?;
+    let solve = found.elapsed().as_secs_f64();
+    let cameras = cameras(&calibration);
+    if let Some(output) = &args.output {
+        cameras.write(output)?;
+    }
+    for (path, write) in
+        [(&args.export_ros, export::ros as Export), (&args.export_kalibr, export::kalibr), (&args.export_opencv, export::opencv)]
+    {
+        path.as_ref().map_or(Ok(()), |path| write(&cameras, path))?;
+    }
+    let middle = Vector3::z() * verdict::mean_distance_m(&calibration.rig, &board);
+    let folds = folds::cross_validate(&calibration, &middle);
+    let report = report(&calibration, folds, &pictures, Seconds { all: started.elapsed().as_secs_f64(), solve });
+    let sentences = verdict::sentences(&calibration, folds.as_ref(), &pictures.shots, &board);
+    let mut text = table(&report, &calibration);
+    if let Some(path) = &args.html {
+        let page = page::html(&calibration, &pictures.shots, &board, &text, &sentences);
+        write_atomic(path, page.as_bytes())?;
+    }
     sentences.iter().for_each(|s| text += &format!("{}\n", s.text));
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-".as_ref(), "write", e))?;
     sentences.iter().filter(|s| s.warning).for_each(|s| cli::warn(&s.text));
@@ -172,7 +135,7 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
 
 /// What goes to `cameras.yaml`.
 fn cameras(calibration: &Calibration) -> Cameras {
-    let std = |at: usize| calibration.covariance.map(|c| std::array::from_fn(|i| c[(at + i, at + i)].sqrt()));
+    let std = |at: usize| Some([calibration.std(at)?, calibration.std(at + 1)?, calibration.std(at + 2)?, calibration.std(at + 3)?]);
     Cameras {
         quality: Quality {
             left_rms_px: Some(calibration.mono[0].rms_px),
@@ -185,79 +148,4 @@ fn cameras(calibration: &Calibration) -> Cameras {
         },
         ..uncertainty::cameras_of(&calibration.rig)
     }
-}
-
-fn baseline_std_m(calibration: &Calibration) -> Option<f64> {
-    let direction = calibration.rig.right_from_left.translation.vector.normalize();
-    let covariance = calibration.covariance?.fixed_view::<3, 3>(PAIR + 3, PAIR + 3).into_owned();
-    Some((direction.transpose() * covariance * direction)[0].sqrt())
-}
-
-fn report(calibration: &Calibration, pictures: &Pictures, seconds: f64) -> Report {
-    let std = |at: usize| calibration.covariance.map(|c| c[(at, at)].sqrt());
-    let three = |at: usize| Some([std(at)?, std(at + 1)?, std(at + 2)?]);
-    let camera = |camera: usize| {
-        let (c, at) = (&calibration.rig.cameras[camera], CAMERA * camera);
-        let of = |i: usize| std(at + i);
-        let distortion_std = || Some([of(4)?, of(5)?, of(6)?, of(7)?, of(8)?]);
-        let std = || Some(CameraStd { fx: of(0)?, fy: of(1)?, cx: of(2)?, cy: of(3)?, distortion: distortion_std()? });
-        CameraReport {
-            rms_px: calibration.mono[camera].rms_px,
-            fx: c.fx,
-            fy: c.fy,
-            cx: c.cx,
-            cy: c.cy,
-            distortion: c.distortion,
-            std: std(),
-            boards_used: calibration.mono[camera].poses.iter().flatten().count(),
-            boards_seen: pictures.boards_seen[camera],
-            pictures: pictures.pictures[camera],
-        }
-    };
-    let pose = &calibration.rig.right_from_left;
-    let stereo = StereoReport {
-        rms_px: calibration.rms_px,
-        baseline_m: pose.translation.vector.norm(),
-        rotation_deg: pose.rotation.angle().to_degrees(),
-        rotation_vector_rad: pose.rotation.scaled_axis().into(),
-        translation_m: pose.translation.vector.into(),
-        baseline_std_m: baseline_std_m(calibration),
-        rotation_std_rad: three(PAIR),
-        translation_std_m: three(PAIR + 3),
-        pairs: calibration.pairs.len(),
-        synchronisation: verdict::synchronisation(calibration),
-    };
-    Report { left: camera(0), right: camera(1), stereo, seconds }
-}
-
-/// The result as people read it, with 95 % intervals.
-fn table(report: &Report, boards: usize) -> String {
-    let t = uncertainty::t95(boards);
-    let mut text = format!("{:16}{:>24}{:>24}   (+- is 95 %)\n", "", "left", "right");
-    let cell = |value: f64, std: Option<f64>, digits: usize| match std {
-        Some(std) => format!("{value:.digits$} +- {:.digits$}", t * std),
-        None => format!("{value:.digits$}"),
-    };
-    let mut row = |name: &str, cells: [String; 2]| {
-        let _ = writeln!(text, "{name:16}{:>24}{:>24}", cells[0], cells[1]);
-    };
-    let both = [&report.left, &report.right];
-    row("boards", both.map(|c| format!("{} of {}", c.boards_used, c.pictures)));
-    row("RMS alone [px]", both.map(|c| format!("{:.4}", c.rms_px)));
-    row("fx [px]", both.map(|c| cell(c.fx, c.std.as_ref().map(|s| s.fx), 3)));
-    row("fy [px]", both.map(|c| cell(c.fy, c.std.as_ref().map(|s| s.fy), 3)));
-    row("cx [px]", both.map(|c| cell(c.cx, c.std.as_ref().map(|s| s.cx), 3)));
-    row("cy [px]", both.map(|c| cell(c.cy, c.std.as_ref().map(|s| s.cy), 3)));
-    for (i, name) in ["k1", "k2", "p1", "p2", "k3"].into_iter().enumerate() {
-        row(name, both.map(|c| cell(c.distortion[i], c.std.as_ref().map(|s| s.distortion[i]), 5)));
-    }
-    let stereo = &report.stereo;
-    let interval =
-        |std: Option<f64>, scale: f64, digits: usize| std.map_or_else(String::new, |s| format!(" +- {:.digits$}", t * s * scale));
-    let _ = writeln!(text, "RMS together [px]   {:.4} in {} pairs", stereo.rms_px, stereo.pairs);
-    let _ = writeln!(text, "baseline [mm]       {:.4}{}", 1e3 * stereo.baseline_m, interval(stereo.baseline_std_m, 1e3, 4));
-    let [x, y, z] = stereo.rotation_vector_rad.map(f64::to_degrees);
-    let [sx, sy, sz] = [0, 1, 2].map(|i| interval(stereo.rotation_std_rad.map(|s| s[i].to_degrees()), 1.0, 4));
-    let _ = writeln!(text, "rotation [deg]      {x:.4}{sx}, {y:.4}{sy}, {z:.4}{sz}");
-    text
 }

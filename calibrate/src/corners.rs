@@ -21,6 +21,17 @@ pub struct Sighting {
     pub placements: Vec<Relabel>,
 }
 
+/// What an image showed, board or not, for the sentence that says why there is none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Glimpse {
+    /// Places that look like a corner of squares.
+    pub junctions: usize,
+    /// Columns and rows of the largest grid among them, before it is cut to the board's size; zeros if there is none.
+    pub span: (usize, usize),
+    /// Mean grey level, 0 to 255.
+    pub grey: f64,
+}
+
 /// A board with fewer corners says too little to be worth a mistake.
 const FEWEST_CORNERS: usize = 12;
 /// Half the window of a corner that the detector missed [px].
@@ -42,7 +53,21 @@ const LARGEST_WINDOW_PX: f64 = 12.0;
 /// Finds the board in an image; `None` if it is not there, or too little of it.
 #[must_use]
 pub fn find(image: &GrayImage, size: BoardSize) -> Option<Sighting> {
-    let mut grid = labelled(image)?;
+    search(image, size).0
+}
+
+/// Finds the board in an image, and says what the image showed.
+#[must_use]
+pub fn search(image: &GrayImage, size: BoardSize) -> (Option<Sighting>, Glimpse) {
+    let (junctions, grid) = labelled(image);
+    let pixels = image.as_raw();
+    let grey = pixels.iter().map(|&g| f64::from(g)).sum::<f64>() / pixels.len().max(1) as f64;
+    let span = grid.as_ref().map_or((0, 0), Grid::span);
+    (grid.and_then(|grid| on_board(grid, image, size)), Glimpse { junctions, span, grey })
+}
+
+/// What of a labelled grid is the board, with all its corners.
+fn on_board(mut grid: Grid, image: &GrayImage, size: BoardSize) -> Option<Sighting> {
     grid.make_right_handed();
     let strength = |grid: &Grid, label: Label| {
         grid.corners.get(&label).and_then(|&p| saddle::refine(image, p, WINDOW, 1.5)).map_or(0.0, |s| s.strength())
@@ -59,13 +84,16 @@ pub fn find(image: &GrayImage, size: BoardSize) -> Option<Sighting> {
     (!placements.is_empty()).then_some(Sighting { grid, placements })
 }
 
-/// The largest labelled grid in the image.
-fn labelled(image: &GrayImage) -> Option<Grid> {
+/// The number of junctions in the image, and the largest labelled grid of them.
+fn labelled(image: &GrayImage) -> (usize, Option<Grid>) {
     let view = GrayImageView { width: image.width() as usize, height: image.height() as usize, data: image.as_raw() };
     let junctions = detect_corners(&view, &default_chess_config().with_refiner(ImageRefiner::saddle_point()));
-    let found = ChessboardDetector::new(ChessboardParams::default()).ok()?.detect(&junctions)?;
-    let corners = found.corners.iter().map(|c| ((c.grid.u, c.grid.v), Vector2::new(f64::from(c.position.x), f64::from(c.position.y))));
-    Some(Grid { corners: corners.collect() })
+    let found = ChessboardDetector::new(ChessboardParams::default()).ok().and_then(|detector| detector.detect(&junctions));
+    let grid = found.map(|found| {
+        let corners = found.corners.iter().map(|c| ((c.grid.u, c.grid.v), Vector2::new(f64::from(c.position.x), f64::from(c.position.y))));
+        Grid { corners: corners.collect() }
+    });
+    (junctions.len(), grid)
 }
 
 /// Adds the corners that the detector missed: first those inside the grid, then whole lines along its edges.

@@ -1,8 +1,12 @@
 //! Reprojection residuals of one board and their normal equations.
 //!
 //! A corner `X` of a board is seen at `pi_c(T_c exp(w) P X)`, with `P` the board's pose in the left camera's frame, `T_left = 1` and
-//! `T_right = right_from_left`. The 24 numbers that all boards share are, in this order, `fx fy cx cy k1 k2 p1 p2 k3` of the left
-//! camera, the same of the right one, and a left-multiplied rotation vector and a shift of `right_from_left`; a board adds six of its own.
+//! `T_right = right_from_left`. The 26 numbers that all boards share are, in this order, `fx fy cx cy k1 k2 p1 p2 k3` of the left
+//! camera, the same of the right one, a left-multiplied rotation vector and a shift of `right_from_left`, and the board's bow; a board adds
+//! six of its own.
+//!
+//! A bowed board is a paraboloid (as in mrcal): at `x, y` from -1 to 1 across its corners it stands `b1 (1 - x^2) + b2 (1 - y^2)` behind its
+//! plane.
 
 use nalgebra::{Isometry3, Matrix2x3, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector6};
 use raven::camera::Pinhole;
@@ -11,14 +15,21 @@ use raven::camera::Pinhole;
 pub const CAMERA: usize = 9;
 /// Place of `right_from_left` among the shared parameters.
 pub const PAIR: usize = 2 * CAMERA;
+/// Place of the board's bow among the shared parameters.
+pub const BOW: usize = PAIR + 6;
 /// All shared parameters.
-pub const SHARED: usize = PAIR + 6;
+pub const SHARED: usize = BOW + 2;
+/// Parameters that one corner depends on: of its camera, the pair, the bow, and its board's pose.
+const LOCAL: usize = POSE + 6;
+const POSE: usize = CAMERA + 8;
 
 /// A corner of the board and where it was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corner {
-    /// In the board's frame [m].
+    /// In the frame of a flat board [m].
     pub point: Vector3<f64>,
+    /// `1 - x^2, 1 - y^2`: how far each number of the bow moves it.
+    pub bow: Vector2<f64>,
     /// In the image [px].
     pub pixel: Vector2<f64>,
 }
@@ -33,6 +44,8 @@ pub struct Rig {
     pub cameras: [Pinhole; 2],
     /// `x_right = right_from_left x_left`.
     pub right_from_left: Isometry3<f64>,
+    /// How far the board's middle stands behind its edges, along x and along y [m].
+    pub bow_m: Vector2<f64>,
     /// `x_left = left_from_board x_board`, one per view.
     pub boards: Vec<Isometry3<f64>>,
 }
@@ -83,10 +96,15 @@ impl Rig {
             let pose = if camera == 0 { *board } else { self.right_from_left * board };
             view[camera]
                 .iter()
-                .map(|c| Some(self.cameras[camera].project(&(pose * nalgebra::Point3::from(c.point)).coords)? - c.pixel))
+                .map(|c| Some(self.cameras[camera].project(&(pose * nalgebra::Point3::from(self.point(c))).coords)? - c.pixel))
                 .collect()
         };
         Some([of(0)?, of(1)?])
+    }
+
+    /// A corner in the frame of the bowed board [m].
+    fn point(&self, corner: &Corner) -> Vector3<f64> {
+        corner.point + Vector3::z() * corner.bow.dot(&self.bow_m)
     }
 
     /// Robust cost of a view alone [px^2]; infinite if a corner is behind its camera.
@@ -109,8 +127,8 @@ impl Rig {
             pose_pose: Matrix6::zeros(),
         };
         for (camera, corners) in view.iter().enumerate() {
-            let mut curvature = SMatrix::<f64, 21, 21>::zeros();
-            let mut gradient = SVector::<f64, 21>::zeros();
+            let mut curvature = SMatrix::<f64, LOCAL, LOCAL>::zeros();
+            let mut gradient = SVector::<f64, LOCAL>::zeros();
             for corner in corners {
                 let (residual, slope) = self.corner_slope(camera, board, corner)?;
                 let (loss, weight) = huber.loss(residual.norm_squared());
@@ -128,12 +146,12 @@ impl Rig {
         Some(block)
     }
 
-    /// Residual of a corner and its slope: camera, pair, board.
-    fn corner_slope(&self, camera: usize, board: &Isometry3<f64>, corner: &Corner) -> Option<(Vector2<f64>, SMatrix<f64, 2, 21>)> {
-        let turned = board.rotation * corner.point;
+    /// Residual of a corner and its slope: camera, pair, bow, board.
+    fn corner_slope(&self, camera: usize, board: &Isometry3<f64>, corner: &Corner) -> Option<(Vector2<f64>, SMatrix<f64, 2, LOCAL>)> {
+        let turned = board.rotation * self.point(corner);
         let in_left = turned + board.translation.vector;
         let pinhole = &self.cameras[camera];
-        let mut slope = SMatrix::<f64, 2, 21>::zeros();
+        let mut slope = SMatrix::<f64, 2, LOCAL>::zeros();
         let (pixel, by_left) = if camera == 0 {
             pinhole.project_with_slope(&in_left)?
         } else {
@@ -145,8 +163,9 @@ impl Rig {
         };
         let in_camera = if camera == 0 { in_left } else { (self.right_from_left * nalgebra::Point3::from(in_left)).coords };
         slope.fixed_view_mut::<2, CAMERA>(0, 0).copy_from(&intrinsic_slope(pinhole, &(in_camera.xy() / in_camera.z), &pixel));
-        slope.fixed_view_mut::<2, 3>(0, CAMERA + 6).copy_from(&turn_slope(&by_left, &turned));
-        slope.fixed_view_mut::<2, 3>(0, CAMERA + 9).copy_from(&by_left);
+        slope.fixed_view_mut::<2, 2>(0, CAMERA + 6).copy_from(&(by_left * (board.rotation * Vector3::z()) * corner.bow.transpose()));
+        slope.fixed_view_mut::<2, 3>(0, POSE).copy_from(&turn_slope(&by_left, &turned));
+        slope.fixed_view_mut::<2, 3>(0, POSE + 3).copy_from(&by_left);
         Some((pixel - corner.pixel, slope))
     }
 
@@ -162,32 +181,32 @@ impl Rig {
         Self {
             cameras: [camera(0), camera(1)],
             right_from_left: turned(&self.right_from_left, &shared.fixed_rows::<6>(PAIR).into()),
+            bow_m: self.bow_m + shared.fixed_rows::<2>(BOW),
             boards: self.boards.iter().zip(boards).map(|(board, step)| turned(board, step)).collect(),
         }
     }
 }
 
 impl Block {
-    fn add(&mut self, camera: usize, gradient: &SVector<f64, 21>, curvature: &SMatrix<f64, 21, 21>) {
-        const POSE: usize = CAMERA + 6;
+    fn add(&mut self, camera: usize, gradient: &SVector<f64, LOCAL>, curvature: &SMatrix<f64, LOCAL, LOCAL>) {
         let at = CAMERA * camera;
         let mut rows = self.shared.fixed_rows_mut::<CAMERA>(at);
         rows += gradient.fixed_rows::<CAMERA>(0);
-        let mut rows = self.shared.fixed_rows_mut::<6>(PAIR);
-        rows += gradient.fixed_rows::<6>(CAMERA);
+        let mut rows = self.shared.fixed_rows_mut::<8>(PAIR);
+        rows += gradient.fixed_rows::<8>(CAMERA);
         self.pose += gradient.fixed_rows::<6>(POSE);
         let mut part = self.shared_shared.fixed_view_mut::<CAMERA, CAMERA>(at, at);
         part += curvature.fixed_view::<CAMERA, CAMERA>(0, 0);
-        let mut part = self.shared_shared.fixed_view_mut::<CAMERA, 6>(at, PAIR);
-        part += curvature.fixed_view::<CAMERA, 6>(0, CAMERA);
-        let mut part = self.shared_shared.fixed_view_mut::<6, CAMERA>(PAIR, at);
-        part += curvature.fixed_view::<6, CAMERA>(CAMERA, 0);
-        let mut part = self.shared_shared.fixed_view_mut::<6, 6>(PAIR, PAIR);
-        part += curvature.fixed_view::<6, 6>(CAMERA, CAMERA);
+        let mut part = self.shared_shared.fixed_view_mut::<CAMERA, 8>(at, PAIR);
+        part += curvature.fixed_view::<CAMERA, 8>(0, CAMERA);
+        let mut part = self.shared_shared.fixed_view_mut::<8, CAMERA>(PAIR, at);
+        part += curvature.fixed_view::<8, CAMERA>(CAMERA, 0);
+        let mut part = self.shared_shared.fixed_view_mut::<8, 8>(PAIR, PAIR);
+        part += curvature.fixed_view::<8, 8>(CAMERA, CAMERA);
         let mut part = self.shared_pose.fixed_view_mut::<CAMERA, 6>(at, 0);
         part += curvature.fixed_view::<CAMERA, 6>(0, POSE);
-        let mut part = self.shared_pose.fixed_view_mut::<6, 6>(PAIR, 0);
-        part += curvature.fixed_view::<6, 6>(CAMERA, POSE);
+        let mut part = self.shared_pose.fixed_view_mut::<8, 6>(PAIR, 0);
+        part += curvature.fixed_view::<8, 6>(CAMERA, POSE);
         self.pose_pose += curvature.fixed_view::<6, 6>(POSE, POSE);
     }
 }
@@ -207,7 +226,8 @@ fn turn_slope(slope: &Matrix2x3<f64>, arm: &Vector3<f64>) -> Matrix2x3<f64> {
 }
 
 /// Slope of a pixel with `fx fy cx cy k1 k2 p1 p2 k3` at normalised coordinates, 2x9.
-fn intrinsic_slope(camera: &Pinhole, normal: &Vector2<f64>, pixel: &Vector2<f64>) -> SMatrix<f64, 2, CAMERA> {
+#[must_use]
+pub fn intrinsic_slope(camera: &Pinhole, normal: &Vector2<f64>, pixel: &Vector2<f64>) -> SMatrix<f64, 2, CAMERA> {
     let (x, y) = (normal.x, normal.y);
     let (fx, fy) = (camera.fx, camera.fy);
     let r2 = x * x + y * y;

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 use crate::board::BoardSize;
 use crate::calibration::Shot;
-use crate::corners::{self, Sighting};
+use crate::corners::{self, Glimpse, Sighting};
+use crate::glimpses::Glimpses;
 use crate::stills;
 
 /// What the pictures showed.
@@ -26,6 +27,8 @@ pub struct Pictures {
     pub boards_seen: [usize; 2],
     /// Pictures that could not be decoded.
     pub undecodable: usize,
+    /// What they showed, board or not.
+    pub glimpses: Glimpses,
 }
 
 /// One picture, searched.
@@ -34,6 +37,7 @@ struct Searched {
     stamp: Stamp,
     size_px: (u32, u32),
     sighting: Option<Sighting>,
+    glimpse: Glimpse,
 }
 
 /// Pictures held in memory at a time.
@@ -51,7 +55,8 @@ pub fn from_files(left: &[PathBuf], right: &[PathBuf], board: BoardSize) -> Resu
     let bar = cli::progress(2 * left.len() as u64, "looking for boards");
     let search = |side: Side, path: &Path| {
         let image = read(path, side)?;
-        let found = Searched { side, stamp: Stamp(0), size_px: image.dimensions(), sighting: corners::find(&image, board) };
+        let (sighting, glimpse) = corners::search(&image, board);
+        let found = Searched { side, stamp: Stamp(0), size_px: image.dimensions(), sighting, glimpse };
         bar.inc(1);
         Ok(found)
     };
@@ -61,9 +66,10 @@ pub fn from_files(left: &[PathBuf], right: &[PathBuf], board: BoardSize) -> Resu
     bar.finish_and_clear();
     let mut pictures = Pictures::empty();
     for ([l, r], (left, right)) in both.into_iter().zip(pairs) {
-        pictures.count(&l).map_err(|message| Error::file(left, message))?;
-        pictures.count(&r).map_err(|message| Error::file(right, message))?;
-        let name = left.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let name = |path: &PathBuf| path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        pictures.count(&l, &name(left)).map_err(|message| Error::file(left, message))?;
+        pictures.count(&r, &name(right)).map_err(|message| Error::file(right, message))?;
+        let name = name(left);
         pictures.shots.push(Shot { name, sightings: [l.sighting, r.sighting] });
     }
     Ok(pictures)
@@ -93,12 +99,14 @@ pub fn from_log(path: &Path, board: BoardSize) -> Result<Pictures> {
         }
         let search = |frame: &CameraFrame| {
             let image = if frame.is_truncated() { None } else { frame.decode_gray().ok() }?;
-            Some(Searched { side: frame.side, stamp: frame.stamp, size_px: image.dimensions(), sighting: corners::find(&image, board) })
+            let (sighting, glimpse) = corners::search(&image, board);
+            Some(Searched { side: frame.side, stamp: frame.stamp, size_px: image.dimensions(), sighting, glimpse })
         };
         let searched: Vec<Searched> = batch.par_iter().filter_map(search).collect();
         pictures.undecodable += batch.len() - searched.len();
         for one in searched {
-            pictures.count(&one).map_err(|message| Error::file(path, message))?;
+            let name = format!("the {} one of {:.3} s", one.side.name(), 1e-9 * one.stamp.0 as f64);
+            pictures.count(&one, &name).map_err(|message| Error::file(path, message))?;
             seen[one.side as usize].push((one.stamp, one.sighting));
         }
         bar.inc(batch.len() as u64);
@@ -111,11 +119,18 @@ pub fn from_log(path: &Path, board: BoardSize) -> Result<Pictures> {
 
 impl Pictures {
     fn empty() -> Self {
-        Self { shots: Vec::new(), sizes_px: [(0, 0); 2], pictures: [0; 2], boards_seen: [0; 2], undecodable: 0 }
+        Self {
+            shots: Vec::new(),
+            sizes_px: [(0, 0); 2],
+            pictures: [0; 2],
+            boards_seen: [0; 2],
+            undecodable: 0,
+            glimpses: Glimpses::default(),
+        }
     }
 
     /// Counts a picture; a sentence if its size differs from that of the others of its camera.
-    fn count(&mut self, searched: &Searched) -> Result<(), String> {
+    fn count(&mut self, searched: &Searched, name: &str) -> Result<(), String> {
         let camera = searched.side as usize;
         let (size, known) = (searched.size_px, &mut self.sizes_px[camera]);
         if self.pictures[camera] == 0 {
@@ -128,6 +143,7 @@ impl Pictures {
             ));
         }
         self.pictures[camera] += 1;
+        self.glimpses.add(name, searched.glimpse);
         self.boards_seen[camera] += usize::from(searched.sighting.is_some());
         Ok(())
     }

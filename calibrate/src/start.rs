@@ -77,7 +77,9 @@ mod tests {
 
     fn seen(camera: &Pinhole, pose: &Isometry3<f64>) -> Vec<Corner> {
         let points = (0..54).map(|k| Vector3::new(f64::from(k % 9), f64::from(k / 9), 0.0) * 0.012);
-        points.map(|p| Corner { point: p, pixel: camera.project(&(pose * Point3::from(p)).coords).unwrap() }).collect()
+        points
+            .map(|p| Corner { point: p, bow: Vector2::zeros(), pixel: camera.project(&(pose * Point3::from(p)).coords).unwrap() })
+            .collect()
     }
 
     #[test]

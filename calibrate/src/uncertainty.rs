@@ -1,55 +1,128 @@
-//! How well a calibration knows its parameters: the delete-one-board jackknife, to first order.
+//! How well a calibration knows its parameters: a covariance robust to what the corners of one board share.
 //!
 //! Corners of one board share what went wrong with it: its bow, its blur, its motion between two exposures. Treating them as independent
-//! makes standard deviations 1.5 to 3 times too small on real boards. Boards are independent of one another, and what the answer does
-//! when each in turn is left out is known from the normal equations at the optimum, where `s_b` and `S_b` are the share of board `b`:
+//! makes standard deviations 1.5 to 3 times too small on real boards. Boards are independent of one another. With `s_b` and `S_b` the share
+//! of board `b` in the reduced normal equations `S = sum_b S_b = L L'` at the optimum, and `M_b = L^-1 S_b L^-T`,
 //!
 //! ```text
-//! d_b = (S - S_b)^-1 s_b,    cov = (n - 1) / n  sum_b d_b d_b'
+//! d_b = L^-T (1 - M_b)^-1/2 L^-1 s_b,    cov = sum_b d_b d_b'
 //! ```
 //!
-//! This is the cluster-robust covariance CR3 (Bell and McCaffrey 2002), which also makes up for how few boards there are.
+//! This is the cluster-robust covariance CR2 (Bell and McCaffrey 2002). The root makes up for how far each board drew the solution to
+//! itself. How far 95 % reaches with so few boards is a matter of the degrees of freedom of that sum, by Satterthwaite's rule and as if the
+//! corners were independent (same source): for a combination `c' theta`, with `u = L^-1 c`,
+//!
+//! ```text
+//! O_bb' = [b = b'] u' M_b (1 - M_b)^-1 u - w_b' w_b',    w_b = M_b (1 - M_b)^-1/2 u,    freedom = (tr O)^2 / |O|^2
+//! ```
 
-use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector3};
 use raven::camera::{Cameras, Quality};
 
 use crate::bundle::{Free, hold};
 use crate::linear::{Block, Rig, SHARED};
 
-/// Covariance of the shared parameters at the optimum, 24x24, zero for fixed ones; `None` if some board alone determines a parameter.
-#[must_use]
-pub fn covariance(blocks: &[Block], free: Free) -> Option<SMatrix<f64, SHARED, SHARED>> {
-    let reduced: Vec<(SVector<f64, SHARED>, SMatrix<f64, SHARED, SHARED>)> =
-        blocks.iter().map(|b| b.reduced(0.0)).collect::<Option<_>>()?;
-    let mut all = SMatrix::<f64, SHARED, SHARED>::zeros();
-    reduced.iter().for_each(|(_, curvature)| all += curvature);
-    hold(&mut all, free);
-    let count = blocks.len() as f64;
-    let mut covariance = SMatrix::zeros();
-    for (gradient, curvature) in &reduced {
-        let change = (all - curvature).cholesky()?.solve(gradient);
-        covariance += change * change.transpose() * ((count - 1.0) / count);
-    }
-    Some(covariance)
+type Square = SMatrix<f64, SHARED, SHARED>;
+
+/// Covariance of the shared parameters, and what says how far its intervals reach.
+#[derive(Debug, Clone)]
+pub struct Deviations {
+    /// 26x26, zero for fixed parameters.
+    pub covariance: Square,
+    /// `L^-1`.
+    whitener: Square,
+    /// `M_b`, one per board.
+    shares: Vec<Square>,
 }
 
-/// Two-sided 95 % quantile of Student's t with one degree of freedom less than `boards`: how many standard deviations make 95 %.
+/// A board that holds more of what is known about a combination of parameters is the only one to know it.
+const LARGEST_SHARE: f64 = 1.0 - 1e-6;
+
+impl Deviations {
+    /// At the optimum; `None` if some board alone determines a parameter.
+    #[must_use]
+    pub fn of(blocks: &[Block], free: Free) -> Option<Self> {
+        let reduced: Vec<(SVector<f64, SHARED>, Square)> = blocks.iter().map(|b| b.reduced(0.0)).collect::<Option<_>>()?;
+        let mut all = reduced.iter().fold(Square::zeros(), |sum, (_, curvature)| sum + curvature);
+        hold(&mut all, free);
+        let whitener = all.cholesky()?.l().try_inverse()?;
+        let mut covariance = Square::zeros();
+        let mut shares = Vec::with_capacity(reduced.len());
+        for (gradient, curvature) in &reduced {
+            let share = whitener * curvature * whitener.transpose();
+            let change = whitener.transpose() * rest_to(&share, -0.5)? * whitener * gradient;
+            covariance += change * change.transpose();
+            shares.push(share);
+        }
+        Some(Self { covariance, whitener, shares })
+    }
+
+    /// How many standard deviations of `direction' theta` make 95 %, two-sided.
+    #[must_use]
+    pub fn t95(&self, direction: &SVector<f64, SHARED>) -> f64 {
+        let u = self.whitener * direction;
+        let parts: Option<Vec<(f64, SVector<f64, SHARED>)>> = self
+            .shares
+            .iter()
+            .map(|share| {
+                let root = rest_to(share, -0.5)? * u;
+                Some((root.dot(&(share * root)), share * root))
+            })
+            .collect();
+        let Some(parts) = parts else { return f64::INFINITY };
+        let of = |i: usize, j: usize| if i == j { parts[i].0 } else { 0.0 } - parts[i].1.dot(&parts[j].1);
+        let matrix = DMatrix::from_fn(parts.len(), parts.len(), of);
+        t95(matrix.trace().powi(2) / matrix.norm_squared())
+    }
+
+    /// As [`Self::t95`], of one parameter.
+    #[must_use]
+    pub fn t95_of(&self, parameter: usize) -> f64 {
+        let mut direction = SVector::zeros();
+        direction[parameter] = 1.0;
+        self.t95(&direction)
+    }
+}
+
+/// `(1 - share)^power`; `None` where nothing is left without this board.
+fn rest_to(share: &Square, power: f64) -> Option<Square> {
+    let eigen = share.symmetric_eigen();
+    if eigen.eigenvalues.max() > LARGEST_SHARE {
+        return None;
+    }
+    let scale = eigen.eigenvalues.map(|value| (1.0 - value).powf(power));
+    Some(eigen.eigenvectors * Square::from_diagonal(&scale) * eigen.eigenvectors.transpose())
+}
+
+/// Two-sided 95 % quantile of Student's t: how many standard deviations make 95 %.
 ///
-/// Cornish and Fisher's expansion about the normal quantile (Abramowitz and Stegun 26.7.5), good to 3 % from three boards on.
+/// Cornish and Fisher's expansion about the normal quantile (Abramowitz and Stegun 26.7.5), good to 1 % from two degrees on.
 #[must_use]
-pub fn t95(boards: usize) -> f64 {
-    let freedom = boards.saturating_sub(1).max(1) as f64;
+pub fn t95(freedom: f64) -> f64 {
     let z: f64 = 1.959_963_985;
-    let (z3, z5, z7) = (z.powi(3), z.powi(5), z.powi(7));
-    let terms = [(z3 + z) / 4.0, (5.0 * z5 + 16.0 * z3 + 3.0 * z) / 96.0, (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / 384.0];
-    z + terms[0] / freedom + terms[1] / freedom.powi(2) + terms[2] / freedom.powi(3)
+    let [z3, z5, z7, z9] = [3, 5, 7, 9].map(|n| z.powi(n));
+    let terms = [
+        (z3 + z) / 4.0,
+        (5.0 * z5 + 16.0 * z3 + 3.0 * z) / 96.0,
+        (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / 384.0,
+        (79.0 * z9 + 776.0 * z7 + 1482.0 * z5 - 1920.0 * z3 - 945.0 * z) / 92160.0,
+    ];
+    let inverse = 1.0 / freedom.max(1.0);
+    z + terms.iter().rev().fold(0.0, |sum, term| (sum + term) * inverse)
 }
 
 /// Covariance of a point seen by both cameras [m^2] that comes from the calibration alone, in the left camera's frame.
-///
-/// The pixels stay, the cameras move: slopes by differences of a tenth of each parameter's standard deviation.
 #[must_use]
 pub fn point_covariance(rig: &Rig, covariance: &SMatrix<f64, SHARED, SHARED>, point_left: &Vector3<f64>) -> Option<Matrix3<f64>> {
+    let slope = point_slope(rig, covariance, point_left)?;
+    Some(slope * covariance * slope.transpose())
+}
+
+/// Slope of a point seen by both cameras with the shared parameters, 3x26 [m]: the pixels stay, the cameras move.
+///
+/// By differences of a tenth of each parameter's standard deviation; zero for parameters that have none.
+#[must_use]
+pub fn point_slope(rig: &Rig, covariance: &SMatrix<f64, SHARED, SHARED>, point_left: &Vector3<f64>) -> Option<SMatrix<f64, 3, SHARED>> {
     let pixels = cameras_of(rig).project(point_left)?;
     let mut slope = SMatrix::<f64, 3, SHARED>::zeros();
     for index in (0..SHARED).filter(|&i| covariance[(i, i)] > 0.0) {
@@ -61,7 +134,7 @@ pub fn point_covariance(rig: &Rig, covariance: &SMatrix<f64, SHARED, SHARED>, po
         };
         slope.set_column(index, &((at(&step)? - at(&-step)?) / (2.0 * step[index])));
     }
-    Some(slope * covariance * slope.transpose())
+    Some(slope)
 }
 
 /// The rig as the cameras that everything else computes with.

@@ -2,6 +2,7 @@
 
 mod boxes;
 mod histogram;
+pub mod svg;
 
 pub use boxes::{Boxes, Spread, boxes};
 pub use histogram::{Histogram, histograms};

@@ -65,7 +65,10 @@ fn files_and_a_log_of_the_same_pictures_give_the_same_cameras() {
     log.finish().unwrap();
     let board = ["--board", "7x5", "--square", "0.015"];
     let (left, right, output) = (at("left*.png"), at("right*.png"), at("cameras.yaml"));
-    let (text, from_files) = calibrate(&[&["cameras", "--left", &left, "--right", &right, "-o", &output][..], &board].concat()).unwrap();
+    let (ros, kalibr, opencv, page) = (at("ros"), at("camchain.yaml"), at("opencv.yaml"), at("page.html"));
+    let exports = ["--export-ros", &ros, "--export-kalibr", &kalibr, "--export-opencv", &opencv, "--html", &page];
+    let (text, from_files) =
+        calibrate(&[&["cameras", "--left", &left, "--right", &right, "-o", &output][..], &board, &exports].concat()).unwrap();
     let (_, from_log) = calibrate(&[&["cameras", &at("board.mcap")][..], &board].concat()).unwrap();
     for key in ["/left/fx", "/right/cy", "/stereo/baseline_m", "/stereo/rms_px", "/left/boards_seen"] {
         let [a, b] = [&from_files, &from_log].map(|json| json.pointer(key).and_then(serde_json::Value::as_f64).unwrap());
@@ -80,6 +83,24 @@ fn files_and_a_log_of_the_same_pictures_give_the_same_cameras() {
     for key in ["rms_px", "fx", "fy", "cx", "cy", "distortion", "std", "boards_used", "boards_seen"] {
         assert!(from_files["left"].get(key).is_some() && from_files["right"].get(key).is_some(), "{key}");
     }
+    // ROS's block alone is what stands in the file of both cameras, but for the rectification.
+    let text = std::fs::read_to_string(Path::new(&ros).join("right.yaml")).unwrap();
+    let info: serde_json::Value = raven::files::parse_yaml(Path::new("right.yaml"), &text).unwrap();
+    assert_eq!((&info["camera_name"], &info["distortion_model"]), (&"right".into(), &"plumb_bob".into()));
+    assert_eq!(info["camera_matrix"]["data"][0].as_f64(), Some(read.right.fx));
+    let (focal, shift) = (info["projection_matrix"]["data"][0].as_f64().unwrap(), info["projection_matrix"]["data"][3].as_f64().unwrap());
+    assert!((shift / focal + read.baseline_m()).abs() < 1e-12, "{focal} {shift}");
+    let text = std::fs::read_to_string(&kalibr).unwrap();
+    let chain: serde_json::Value = raven::files::parse_yaml(Path::new(&kalibr), &text).unwrap();
+    assert_eq!(chain["cam1"]["T_cn_cnm1"][0][3].as_f64(), Some(read.right_from_left.translation.x));
+    assert_eq!(chain["cam0"]["intrinsics"][2].as_f64(), Some(read.left.cx));
+    let text = std::fs::read_to_string(&opencv).unwrap();
+    assert!(text.starts_with("%YAML:1.0\n---\n") && text.matches("!!opencv-matrix").count() == 11, "{text}");
+    let page = std::fs::read_to_string(&page).unwrap();
+    assert_eq!((page.matches("<svg").count(), page.matches("</svg>").count()), (6, 6));
+    let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
+    assert!(!elsewhere.contains("http") && !page.contains("<script") && !page.contains("NaN"));
+    assert!(page.contains("Cross-validation in 6 folds") && page.contains("fx [px]") && page.contains("left3.png"));
     assert!(from_files["stereo"]["rotation_deg"].is_number() && from_files["seconds"].is_number());
 }
 
@@ -102,7 +123,10 @@ fn wrong_pictures_end_in_a_sentence() {
         refused(&args)
     };
     let none = cameras(&["l*.png"], &["r*.png"]);
-    assert!(matches!(&none, Error::Data(s) if s.contains("9 x 6 inner corners") && s.contains("2 left and 2 right")), "{none}");
+    assert!(
+        matches!(&none, Error::Data(s) if s.contains("9 x 6 inner corners") && s.contains("2 left and 2 right") && s.contains("nothing that looks like")),
+        "{none}"
+    );
     let one = cameras(&["l1.png"], &["r*.png"]);
     assert!(matches!(&one, Error::Argument(s) if s.contains("1 left and 2 right")), "{one}");
     let sizes = cameras(&["l1.png", "big.png"], &["r*.png"]).to_string();

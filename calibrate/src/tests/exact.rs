@@ -9,7 +9,7 @@ use raven::Error;
 
 use super::simulated::{Lab, Noise};
 use crate::bundle::Free;
-use crate::calibration::{Shot, calibrate};
+use crate::calibration::{Options, Shot, calibrate};
 use crate::corners::Sighting;
 use crate::grid::{Grid, Relabel};
 use crate::linear::{Corner, Huber, Rig, SHARED, View};
@@ -122,7 +122,7 @@ fn boards_that_move_between_the_exposures_are_called_out() {
     let says = |between_m: f64| {
         let shots = lab.shots(10, Noise { corner_px: 0.08, between_m, ..Noise::default() }, &mut rng(8));
         let found = lab.calibrate(&shots);
-        let all = verdict::sentences(&found, &shots, &lab.board);
+        let all = verdict::sentences(&found, None, &shots, &lab.board);
         (verdict::synchronisation(&found), all.iter().any(|s| s.warning && s.text.contains("not taken at one instant")))
     };
     let (still, moving) = (says(0.0), says(0.001));
@@ -134,7 +134,7 @@ fn boards_that_move_between_the_exposures_are_called_out() {
 fn too_few_boards_are_refused() {
     let lab = Lab::new(9, 6);
     let mut shots = lab.shots(2, Noise::default(), &mut rng(9));
-    let fails = |shots: &[Shot]| match calibrate(shots, lab.sizes(), &lab.board, false) {
+    let fails = |shots: &[Shot]| match calibrate(shots, lab.sizes(), &lab.board, Options::default()) {
         Err(Error::Data(sentence)) => sentence,
         other => panic!("{other:?}"),
     };
@@ -153,23 +153,23 @@ fn boards_all_face_on_end_in_a_sentence_or_a_wide_interval() {
     let shots: Vec<Shot> = poses
         .map(|pose| Shot { name: String::new(), sightings: [0, 1].map(|c| Some(lab.sighting(c, &pose, noise, &mut random))) })
         .collect();
-    if let Ok(found) = calibrate(&shots, lab.sizes(), &lab.board, false) {
-        assert!(verdict::sentences(&found, &shots, &lab.board).iter().any(|s| s.warning && s.text.contains("tilt")));
+    if let Ok(found) = calibrate(&shots, lab.sizes(), &lab.board, Options::default()) {
+        assert!(verdict::sentences(&found, None, &shots, &lab.board).iter().any(|s| s.warning && s.text.contains("tilt")));
     }
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn slopes_are_differences(seed: u64, right: bool, parameter in 0..30_usize) {
+    fn slopes_are_differences(seed: u64, right: bool, parameter in 0..32_usize) {
         let lab = Lab::new(9, 6);
         let mut random = rng(seed);
         let pose = lab.pose(&mut random);
         let noise = Noise { corner_px: 2.0, ..Noise::default() };
         let seen: Vec<Corner> = lab.sighting(usize::from(right), &pose, noise, &mut random).grid.corners.iter()
-            .map(|(&l, &pixel)| Corner { point: lab.board.point(l), pixel }).collect();
+            .map(|(&l, &pixel)| Corner { point: lab.board.point(l), bow: lab.board.bow(l), pixel }).collect();
         let view: View = if right { [Vec::new(), seen] } else { [seen, Vec::new()] };
-        let rig = Rig { cameras: lab.cameras, right_from_left: lab.right_from_left, boards: vec![pose] };
+        let rig = Rig { cameras: lab.cameras, right_from_left: lab.right_from_left, bow_m: Vector2::new(3e-4, -2e-4), boards: vec![pose] };
         let huber = Huber { threshold_px: 2.5 };
         let block = rig.linearise(0, &view, huber).unwrap();
         let (slope, curvature) = if parameter < SHARED {
@@ -196,7 +196,30 @@ fn k3_is_solved_for_only_if_asked() {
     let shots = lab.shots(10, Noise::default(), &mut rng(12));
     let without = lab.calibrate(&shots);
     assert_eq!(without.rig.cameras[0].distortion[4], 0.0);
-    let with = calibrate(&shots, lab.sizes(), &lab.board, true).unwrap();
+    let with = calibrate(&shots, lab.sizes(), &lab.board, Options { k3: true, ..Options::default() }).unwrap();
     assert!(lab.largest_error(&with) < 1e-5, "{}", lab.largest_error(&with));
-    assert!(!Free { pair: false, k3: false }.parameter(8) && Free { pair: false, k3: true }.parameter(8));
+    assert!({
+        let free = |k3| Free { shared: true, pair: false, k3, bow: false };
+        !free(false).parameter(8) && free(true).parameter(8)
+    });
+}
+
+#[test]
+fn a_bowed_board_is_found_if_asked_for_even_where_it_is_cut_off() {
+    let mut lab = Lab::new(9, 6);
+    lab.bow_m = Vector2::new(4e-4, -3e-4);
+    let mut shots = lab.shots(10, Noise::default(), &mut rng(13));
+    let flat = lab.calibrate(&shots);
+    assert!(lab.largest_error(&flat) > 1e-4, "{}", lab.largest_error(&flat));
+    for shot in shots.iter_mut().take(3) {
+        // Cut off on the left alone: the right picture says where on the board its corners are.
+        let Some(sighting) = &mut shot.sightings[0] else { continue };
+        sighting.grid = relabelled(sighting, Relabel { turns: 0, shift: (-2, 0) }, |(c, _)| c >= 2);
+        sighting.placements = sighting.grid.placements(lab.board.size, Some(true));
+        assert!(sighting.placements.len() > 1);
+    }
+    let bowed = calibrate(&shots, lab.sizes(), &lab.board, Options { bow: true, ..Options::default() }).unwrap();
+    assert_eq!(bowed.unplaced, 0);
+    assert!((bowed.rig.bow_m - lab.bow_m).amax() < 1e-6, "{}", bowed.rig.bow_m);
+    assert!(lab.largest_error(&bowed) < 2e-5, "{}", lab.largest_error(&bowed));
 }

@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 use raven::camera::Pinhole;
 
 use crate::board::{Board, BoardSize};
-use crate::calibration::{Calibration, Shot, calibrate};
+use crate::calibration::{Calibration, Options, Shot, calibrate};
 use crate::corners::Sighting;
 use crate::grid::{Grid, Label, Relabel};
 
@@ -17,10 +17,12 @@ pub struct Lab {
     pub cameras: [Pinhole; 2],
     pub right_from_left: Isometry3<f64>,
     pub board: Board,
+    /// How far the board's middle stands behind its edges [m].
+    pub bow_m: Vector2<f64>,
 }
 
 /// What goes wrong with corners.
-#[derive(Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Noise {
     /// Of each corner by itself [px].
     pub corner_px: f64,
@@ -38,6 +40,7 @@ impl Lab {
             cameras: [left, Pinhole { fx: 608.0, fy: 607.0, cx: 312.0, cy: 247.0, distortion: [-0.04, 0.01, -1e-4, 2e-4, 0.0], ..left }],
             right_from_left: Isometry3::new(Vector3::new(-0.0481, 2e-4, -3e-4), Vector3::new(0.003, -0.004, 0.008)),
             board: Board { size: BoardSize { columns, rows }, square_m: 0.012 },
+            bow_m: Vector2::zeros(),
         }
     }
 
@@ -68,7 +71,8 @@ impl Lab {
 
     pub fn seen(&self, camera: usize, left_from_board: &Isometry3<f64>, label: Label) -> Option<Vector2<f64>> {
         let pose = if camera == 0 { *left_from_board } else { self.right_from_left * left_from_board };
-        self.cameras[camera].project(&(pose * Point3::from(self.board.point(label))).coords)
+        let point = self.board.point(label) + Vector3::z() * self.board.bow(label).dot(&self.bow_m);
+        self.cameras[camera].project(&(pose * Point3::from(point)).coords)
     }
 
     pub fn sighting(&self, camera: usize, pose: &Isometry3<f64>, noise: Noise, rng: &mut impl Rng) -> Sighting {
@@ -99,7 +103,7 @@ impl Lab {
     }
 
     pub fn calibrate(&self, shots: &[Shot]) -> Calibration {
-        calibrate(shots, self.sizes(), &self.board, false).unwrap()
+        calibrate(shots, self.sizes(), &self.board, Options::default()).unwrap()
     }
 
     /// Largest error of focal lengths, principal points, baseline and rotation, each relative to what it is.

@@ -1,6 +1,7 @@
 //! Pairs of bars, before above after, with the noise floor across both.
 
-use super::svg::{figure, frame, line, rectangle, text};
+use raven::plot::svg::{figure, frame, line, rectangle, text};
+
 use super::{GapBar, PhaseBars};
 
 /// One pair.

@@ -1,8 +1,8 @@
 //! The page of a gap that nothing was fitted to: how large, and where.
 
+use raven::plot::svg::figure;
 use raven::robot::Robot;
 
-use super::svg::figure;
 use super::{GapBar, Page, PhaseBar, PhaseBars, Trace};
 use crate::against::{Against, Simulation};
 use crate::gap::Gap;

@@ -1,6 +1,7 @@
 //! The page as HTML.
 
-use super::svg::{escape, figure};
+use raven::plot::svg::{escape, figure};
+
 use super::{Candidate, Page, bars, traces};
 
 /// Candidates listed.

@@ -7,7 +7,6 @@ mod html;
 mod remaining;
 #[cfg(test)]
 mod sample;
-mod svg;
 mod traces;
 
 pub use causes::add_causes;

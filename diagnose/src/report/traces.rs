@@ -1,9 +1,9 @@
 //! Residuals over time: before behind after, in the band of two deviations of the noise.
 
+use raven::plot::svg::{figure, frame, line, rectangle, text, tick, ticks};
 use raven::stats::{median, quantiles};
 
 use super::Trace;
-use super::svg::{figure, frame, line, rectangle, text, tick, ticks};
 
 const SIZE: [f64; 2] = [960.0, 184.0];
 const LEFT: f64 = 56.0;

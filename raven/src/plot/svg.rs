@@ -1,6 +1,7 @@
-//! What the drawings share: escaped text, a described frame, round numbers.
+//! What drawings on HTML pages share: escaped text, a described frame, round numbers.
 
 /// Text as HTML and XML take it, in content and in quoted attributes. Control characters, which XML has no place for, are left out.
+#[must_use]
 pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -18,6 +19,7 @@ pub fn escape(text: &str) -> String {
 }
 
 /// A drawing of this size with its title and its description, for those who cannot see it.
+#[must_use]
 pub fn frame(id: &str, [width, height]: [f64; 2], title: &str, description: &str, inside: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" role=\"img\" aria-labelledby=\"{id}-t {id}-d\">\
@@ -28,11 +30,13 @@ pub fn frame(id: &str, [width, height]: [f64; 2], title: &str, description: &str
 }
 
 /// Text at a point; `class` gives its anchor and colour.
+#[must_use]
 pub fn text(x: f64, y: f64, class: &str, content: &str) -> String {
     format!("<text x=\"{x:.1}\" y=\"{y:.1}\" class=\"{class}\">{}</text>", escape(content))
 }
 
 /// A rectangle; one of no width is not drawn.
+#[must_use]
 pub fn rectangle([x, y, width, height]: [f64; 4], class: &str) -> String {
     if !(width > 0.0 && height > 0.0) {
         return String::new();
@@ -41,11 +45,13 @@ pub fn rectangle([x, y, width, height]: [f64; 4], class: &str) -> String {
 }
 
 /// A line.
+#[must_use]
 pub fn line([x1, y1, x2, y2]: [f64; 4], class: &str) -> String {
     format!("<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" class=\"{class}\"/>")
 }
 
 /// Three significant digits; a dash for what is no number.
+#[must_use]
 pub fn figure(value: f64) -> String {
     if !value.is_finite() {
         return "-".to_owned();
@@ -59,6 +65,7 @@ pub fn figure(value: f64) -> String {
 }
 
 /// Round numbers from `low` to `high`, about `count` of them.
+#[must_use]
 pub fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let rough = (high - low) / count.max(1) as f64;
     if !(rough.is_finite() && rough > 0.0) {
@@ -72,6 +79,7 @@ pub fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
 }
 
 /// A tick with no more digits than it needs.
+#[must_use]
 pub fn tick(value: f64) -> String {
     let rounded = format!("{value:.6}");
     let trimmed = rounded.trim_end_matches('0').trim_end_matches('.');
