@@ -22,7 +22,7 @@ use super::rows::{ALL, Links, Observed};
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
 const DIFFERENCE: f64 = 0.02;
 /// Most steps of a fit.
-const STEPS_MAX: usize = 12;
+const STEPS_MAX: usize = 20;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
 const MOVED: f64 = 0.15;
 /// A fit has converged when the next step promises, or the last one brought, less than this [nat], or than this part of the cost.

@@ -198,6 +198,7 @@ impl Fitter<'_> {
         like: &Hypothesis,
     ) -> Result<Option<Hypothesis>> {
         let [least, most] = *count;
+        let from = outcome.best.clone();
         let mut fitted: Vec<Hypothesis> = Vec::new();
         let mut tried = 0;
         // The screen can promise too much: what counts is how far a promise is behind the best that was kept.
@@ -206,7 +207,7 @@ impl Fitter<'_> {
             let near =
                 batch.iter().take_while(|c| c.evidence > reached - WITHIN_NATS).count().max(least.saturating_sub(tried).min(batch.len()));
             let hypotheses: Result<Vec<Option<Hypothesis>>> =
-                batch[..near].par_iter().map(|c| self.fit(&c.effects, &c.start, Some(like))).collect();
+                batch[..near].par_iter().map(|c| self.fitted_at_least(c, like, &from)).collect();
             fitted.extend(hypotheses?.into_iter().flatten());
             tried += near;
             if near < batch.len() {
@@ -223,6 +224,17 @@ impl Fitter<'_> {
             outcome.screened.insert(candidate.effects, candidate.evidence.min(least).min(known));
         }
         Ok(fitted.into_iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence)))
+    }
+
+    /// Fits a candidate. With one more effect than `from` it can do no worse: where it got lost on the way it starts again from there.
+    fn fitted_at_least(&self, candidate: &Candidate, like: &Hypothesis, from: &Hypothesis) -> Result<Option<Hypothesis>> {
+        let first = self.fit(&candidate.effects, &candidate.start, Some(like))?;
+        let lost = first.as_ref().is_none_or(|h| h.evidence < from.evidence - WITHIN_NATS);
+        if !lost || !from.effects.iter().all(|effect| candidate.effects.contains(effect)) {
+            return Ok(first);
+        }
+        let again = self.fit(&candidate.effects, &from.u, Some(from))?;
+        Ok([first, again].into_iter().flatten().max_by(|a, b| a.evidence.total_cmp(&b.evidence)))
     }
 
     /// The best hypothesis that differs from `best` by one effect, as long as that is better.

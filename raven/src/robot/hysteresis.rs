@@ -25,6 +25,9 @@ pub struct Hysteresis {
     /// `l`: travel over which the lag turns after a reversal.
     #[serde(default = "usual_length")]
     pub length: f64,
+    /// Lag at a recording's start, as a part of `half_loop` [-1 to 1]: what the motion before left.
+    #[serde(default)]
+    pub lag_at_start: f64,
 }
 
 /// A centimetre, or a hundredth of a radian: between a sharp play and cables that rub along their way.
@@ -35,13 +38,13 @@ fn usual_length() -> f64 {
 impl Default for Hysteresis {
     /// None.
     fn default() -> Self {
-        Self { half_loop: 0.0, length: usual_length() }
+        Self { half_loop: 0.0, length: usual_length(), lag_at_start: 0.0 }
     }
 }
 
 impl Arm {
     /// The motors' motion as it winds the cables: through the laws of the [listed effects](super::ListedEffect) and behind the hysteresis of
-    /// each cable. After a pause there is no lag, as at the start.
+    /// each cable. After a pause there is no lag.
     #[must_use]
     pub fn winding<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
         let winding = self.motor_laws.applied(self, motor);
@@ -65,11 +68,13 @@ impl Arm {
 pub fn behind_hysteresis(hysteresis: &[Hysteresis; 3], ratio: &Vector3<f64>, motor: &MotorTrack) -> MotorTrack {
     let per_joint = |of: fn(&Hysteresis) -> f64| Vector3::from_fn(|j, _| of(&hysteresis[j]) * ratio[j]);
     let (half_rad, length_rad) = (per_joint(|h| h.half_loop), per_joint(|h| h.length));
+    let start_rad = half_rad.component_mul(&Vector3::from_fn(|j, _| hysteresis[j].lag_at_start));
     let mut lag = Vector3::zeros();
     let mut last: Option<(f64, Vector3<f64>)> = None;
     let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
         match last.filter(|(before_s, _)| time_s - before_s <= PAUSE_MAX_S) {
             Some((_, before)) => lag = Vector3::from_fn(|j, _| lagging(lag[j], half_rad[j], length_rad[j], angle[j] - before[j])),
+            None if last.is_none() => lag = start_rad,
             None => lag = Vector3::zeros(),
         }
         last = Some((time_s, *angle));
@@ -101,8 +106,8 @@ mod tests {
     #[test]
     fn the_loop_is_twice_the_half_loop_at_any_speed() {
         let mut arm = nominal::gold().arm().unwrap();
-        arm.hysteresis[1] = Hysteresis { half_loop: 0.01, length: 0.01 };
-        arm.hysteresis[2] = Hysteresis { half_loop: 0.001, length: 0.004 };
+        arm.hysteresis[1] = Hysteresis { half_loop: 0.01, length: 0.01, ..Hysteresis::default() };
+        arm.hysteresis[2] = Hysteresis { half_loop: 0.001, length: 0.004, ..Hysteresis::default() };
         let ratio = arm.transmission.ratio;
         let back_and_forth = |step: f64| {
             let up = (0..=(0.3 / step) as usize).map(|k| k as f64 * step);

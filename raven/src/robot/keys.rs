@@ -4,12 +4,13 @@ use super::{JointType, KinematicsKind, Observation, Robot};
 use crate::Result;
 
 /// Numbers of a joint, with their units on a revolute and on a prismatic joint.
-const OF_JOINT: [(&str, [&str; 2]); 18] = [
+const OF_JOINT: [(&str, [&str; 2]); 19] = [
     ("gear_ratio", ["1", "1"]),
     ("motor_capstan_radius", ["m", "m"]),
     ("link_pulley_radius", ["m", "1"]),
     ("hard_stop", ["rad", "m"]),
     ("hysteresis.half_loop", ["rad", "m"]),
+    ("hysteresis.lag_at_start", ["1", "1"]),
     ("hysteresis.length", ["rad", "m"]),
     ("cable.stiffness", ["N", "N"]),
     ("cable.damping", ["N s/m", "N s/m"]),
@@ -88,6 +89,7 @@ impl Robot {
                     ["motor_capstan_radius"] => Some(&mut joint.motor_capstan_radius),
                     ["link_pulley_radius"] => Some(&mut joint.link_pulley_radius),
                     ["hard_stop"] => Some(&mut joint.hard_stop),
+                    ["hysteresis", "lag_at_start"] => Some(&mut joint.hysteresis.lag_at_start),
                     ["hysteresis", "half_loop"] => Some(&mut joint.hysteresis.half_loop),
                     ["hysteresis", "length"] => Some(&mut joint.hysteresis.length),
                     ["cable", "stiffness"] => joint.cable.as_mut().map(|c| &mut c.stiffness),

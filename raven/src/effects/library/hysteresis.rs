@@ -12,12 +12,18 @@ pub const EFFECT: Effect = Effect {
     parameters: &[
         Parameter { name: "half_loop", unit: "joint", scale: Scale::Magnitude(Size::per_kind(0.008, 0.001)), tolerance: None },
         Parameter { name: "rounding", unit: "1", scale: Scale::Shape { middle: 1.5, size: 0.4 }, tolerance: None },
+        // What the motion before the recording left.
+        Parameter { name: "lag_at_start", unit: "1", scale: Scale::Offset(Size::of(0.7)), tolerance: None },
     ],
     channels: &[Channel::Tip],
     ties: &[Tie { id: "backlash", exact: false }, Tie { id: "link-coulomb-friction", exact: false }],
     separated_by: "reversals at many amplitudes, loaded and unloaded",
     act: |model, place, values| {
         let hysteresis = &mut model.robot.joints[place.first].hysteresis;
-        *hysteresis = Hysteresis { half_loop: hysteresis.half_loop + values[0], length: values[1] * values[0] };
+        *hysteresis = Hysteresis {
+            half_loop: hysteresis.half_loop + values[0],
+            length: values[1] * values[0],
+            lag_at_start: values[2].clamp(-1.0, 1.0),
+        };
     },
 };
