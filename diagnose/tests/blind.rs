@@ -27,7 +27,7 @@ fn a_frozen_set_is_diagnosed_blind() {
         case("c", 3_000_003, &["pulley-radius:elbow=0.03"]),
         case("d", 3_000_004, &["motor-coulomb-friction:shoulder=2"]),
         case("e", 3_000_005, &["hysteresis:insertion=0.0015"]),
-        case("f", 3_000_006, &["cable-stretch:elbow=0.1", "time-offset=0.04"]),
+        case("f", 3_000_006, &["motor-inertia:elbow=3", "time-offset=0.04"]),
         Case { outside: Some(Outside::SwayingBase(sway)), ..case("g", 3_000_007, &[]) },
     ];
     let robot = nominal::gold();

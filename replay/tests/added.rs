@@ -75,7 +75,7 @@ fn missed_counts_go_once_they_are_in_the_file() {
     assert!(left.iter().all(|left| *left < 0.1), "{left:?}");
 }
 
-/// Creep that has settled before the recording starts, as the model takes it to have: the lab moves to the start for 3.5 s.
+/// Creep that has settled before the recording starts: the lab moves to the start for 3.5 s.
 #[test]
 fn creep_goes_once_it_is_in_the_file() {
     let left = left_over("creep:insertion=20,2", "creep:insertion=20,2", 2);

@@ -214,7 +214,7 @@ impl Fitter<'_> {
             Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-4.0, 4.0),
             Scale::Whole { .. } => u,
             Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(0.0, 1.0),
-            Scale::Offset(_) => u + step,
+            Scale::Offset(_) | Scale::State(_) => u + step,
             Scale::Factor(_) => u + step.clamp(-STEP_MAX, STEP_MAX),
         }
     }

@@ -188,6 +188,7 @@ impl Fitter<'_> {
                 Scale::Magnitude(_) => &[0.2, 0.7, 1.5],
                 Scale::Shape { .. } if alone => &[-2.5, -1.5, -0.5, 0.5, 1.5],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
+                Scale::State(_) => &[0.0, 1.0],
                 Scale::Whole { .. } => &whole,
                 Scale::Moment => &[0.05, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95],
             };

@@ -22,6 +22,8 @@ pub enum Scale {
         /// Deviation of its logarithm.
         size: f64,
     },
+    /// `size u`, 0 for none: what the motion before the recording left.
+    State(f64),
     /// `u` from 0 to 1 along the recording.
     Moment,
     /// A whole number from 1 to `most`, all as probable, spread over `u` with mean 0 and variance 1: looked for one by one.
@@ -104,6 +106,7 @@ impl Parameter {
     pub fn value(&self, u: f64, measure: Measure) -> f64 {
         match self.scale {
             Scale::Offset(size) => self.size(size, measure) * u,
+            Scale::State(size) => size * u,
             Scale::Factor(size) => (size * u).exp(),
             Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
             Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
@@ -121,6 +124,7 @@ impl Parameter {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => self.size(size, measure) * std,
             Scale::Factor(size) | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
+            Scale::State(size) => size * std,
             Scale::Moment => std,
             Scale::Whole { .. } => 0.0,
         }
@@ -133,6 +137,7 @@ impl Parameter {
         Some(match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => tolerance / self.size(size, measure),
             Scale::Factor(size) | Scale::Shape { size, .. } => tolerance / size,
+            Scale::State(size) => tolerance / size,
             Scale::Moment | Scale::Whole { .. } => tolerance,
         })
     }
@@ -150,6 +155,7 @@ impl Parameter {
             Scale::Factor(size) => [1.0 / factor(size), factor(size)],
             Scale::Magnitude(size) => [0.0, REACH * self.size(size, measure)],
             Scale::Shape { middle, size } => [middle / factor(size), middle * factor(size)].map(|limit| limit * measure.times(self.unit)),
+            Scale::State(size) => [-REACH * size, REACH * size],
             Scale::Moment => [0.0, 1.0],
             Scale::Whole { most } => [1.0, f64::from(most)],
         }
@@ -160,6 +166,8 @@ impl Parameter {
     pub fn usual(&self) -> Option<f64> {
         match self.scale {
             Scale::Factor(_) => Some(1.0),
+            Scale::State(_) => Some(0.0),
+            Scale::Magnitude(_) if self.tolerance.is_some() => Some(0.0),
             Scale::Shape { middle, .. } => Some(middle),
             _ => None,
         }

@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "ratio", unit: "1", scale: Scale::Magnitude(Size::of(3.0)), tolerance: None },
         Parameter { name: "time", unit: "s", scale: Scale::Shape { middle: 20.0, size: 1.0 }, tolerance: None },
         // 0 for a robot that has stood there, 1 for one that was without load until then.
-        Parameter { name: "fresh_part", unit: "1", scale: Scale::Offset(Size::of(0.7)), tolerance: None },
+        Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
     channels: &[Channel::Tip],
     ties: &[Tie { id: "cable-slip", exact: false }, Tie { id: "missed-counts", exact: false }],

@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "half_loop", unit: "joint", scale: Scale::Magnitude(Size::per_kind(0.008, 0.001)), tolerance: None },
         Parameter { name: "rounding", unit: "1", scale: Scale::Shape { middle: 1.5, size: 0.4 }, tolerance: None },
         // What the motion before the recording left.
-        Parameter { name: "lag_at_start", unit: "1", scale: Scale::Offset(Size::of(0.7)), tolerance: None },
+        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
     channels: &[Channel::Tip],
     ties: &[Tie { id: "backlash", exact: false }, Tie { id: "link-coulomb-friction", exact: false }],
