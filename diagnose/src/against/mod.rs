@@ -11,7 +11,7 @@
 //! is named is what the robot has and the simulation lacks. What is interpolated to the real stamps is the departure, which is smooth and
 //! small, not the motion.
 //!
-//! The clocks are set by the motors' paths, see [`shift`]: a simulation may start at any epoch. A controller that lags more in one of the two
+//! The clocks are set by the motors' paths, see `shift`: a simulation may start at any epoch. A controller that lags more in one of the two
 //! moves the shift by its lag. That does little harm: each log's tip is held against its own motors, and the shift only says which of the
 //! simulation's departures belongs to which stamp.
 

@@ -40,7 +40,7 @@ pub struct Score {
     pub failed: usize,
     /// Single effects whose first answer is right.
     pub top1: Share,
-    /// Those of them that the recording can show: told of them, a fit beats that of no effect by [`SHOWS_NATS`].
+    /// Those of them that the recording can show: told of them, a fit beats that of no effect by 3 nats.
     pub top1_shown: Share,
     /// Right among the first two answers.
     pub top2: Share,
