@@ -81,8 +81,9 @@ fn a_publisher_that_dies_and_comes_back_is_taken_up_again_and_so_is_its_master()
         let first = Publisher::start(&at, TOPIC);
         wait_for("the subscriber", || first.subscribers() == 1);
         first.stream(0..200, 1000.0, || true);
-        // Killed without a word to the master.
+        // Killed without a word to the master; a successor that came at once would look like a change of publishers.
         drop(first);
+        thread::sleep(Duration::from_millis(300));
         let second = Publisher::start(&at, TOPIC);
         wait_for("the subscriber of the second", || second.subscribers() == 1);
         second.stream(200..400, 1000.0, || true);
