@@ -24,6 +24,7 @@ use raven::log::Recording;
 use raven::robot::{KinematicsKind, Robot};
 use serde::Serialize;
 
+use self::channels::Sampled;
 use crate::evidence::bench::Bench;
 use crate::evidence::coordinates::Coordinates;
 use crate::evidence::data::Data;
@@ -127,22 +128,26 @@ const NONE_MAX: f64 = 0.5;
 pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording], each: impl FnMut()) -> Result<Attribution> {
     if matches!(robot.kinematics, KinematicsKind::Bench) {
         let bench = Bench::new(robot, recordings)?;
-        let coordinates = Coordinates::new(robot, &bench);
-        let fitter = Fitter { rows: &bench, coordinates: &coordinates };
-        let outcome = searched(&fitter, each)?;
-        let mut attribution = attribution(&fitter, &outcome)?;
-        (attribution.gap, attribution.remaining) = closure::closures(&bench, &coordinates, closing(&outcome, attribution.verdict))?;
-        attribution.remarks = bench.remarks().into_iter().map(str::to_owned).collect();
-        return Ok(attribution);
+        let remarks = bench.remarks().into_iter().map(str::to_owned).collect();
+        return Ok(Attribution { remarks, ..attributed(&bench, each)? });
     }
     let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, cameras)).collect::<Result<_>>()?;
     check_fitness(robot, &data)?;
-    let rows = Rows::new(robot, cameras, &data)?;
-    let coordinates = Coordinates::new(robot, &rows);
-    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
-    let outcome = searched(&fitter, each)?;
+    attributed(&Rows::new(robot, cameras, &data)?, each)
+}
+
+/// What causes the gap of recordings of either kind, and how far it closes.
+fn attributed(rows: &impl Sampled, each: impl FnMut()) -> Result<Attribution> {
+    let coordinates = Coordinates::new(rows.robot(), rows);
+    let fitter = Fitter { rows, coordinates: &coordinates };
+    let outcome = fitter.search(each)?.ok_or_else(|| {
+        raven::Error::Data(format!(
+            "robot `{}`: the model does not follow the recorded motors; check that file and recordings belong together.",
+            rows.robot().name
+        ))
+    })?;
     let mut attribution = attribution(&fitter, &outcome)?;
-    (attribution.gap, attribution.remaining) = closure::closures(&rows, &coordinates, closing(&outcome, attribution.verdict))?;
+    (attribution.gap, attribution.remaining) = closure::closures(rows, &coordinates, closing(&outcome, attribution.verdict))?;
     Ok(attribution)
 }
 
@@ -178,15 +183,6 @@ pub fn when_told(
         Ok(Told { gap: closure::closures(&rows, &coordinates, &hypothesis)?.0, evidence_nats })
     };
     fitted.map(told).transpose()
-}
-
-fn searched(fitter: &Fitter, each: impl FnMut()) -> Result<Outcome> {
-    fitter.search(each)?.ok_or_else(|| {
-        raven::Error::Data(format!(
-            "robot `{}`: the model does not follow the recorded motors; check that file and recordings belong together.",
-            fitter.rows.robot().name
-        ))
-    })
 }
 
 /// The hypothesis whose effects are named; `None` where none is.

@@ -28,9 +28,6 @@ pub struct TipModel<'a> {
     motors: MotorTrack,
 }
 
-/// Half of the window over which a motor's speed is taken [s].
-const HALF_WINDOW_S: f64 = 0.02;
-
 impl<'a> TipModel<'a> {
     /// Of a model over recorded motors.
     ///
@@ -79,10 +76,7 @@ impl<'a> TipModel<'a> {
         let state = |sight: &Sight| {
             let time_s = self.model.view.shown_at_s(sight.stamp_s);
             let (angle, _) = free.at(time_s)?;
-            let (_, rate) = self.motors.at(time_s)?;
-            let ends = [self.motors.at(time_s - HALF_WINDOW_S), self.motors.at(time_s + HALF_WINDOW_S)];
-            let rate = if let [Some((before, _)), Some((after, _))] = ends { (after - before) / (2.0 * HALF_WINDOW_S) } else { rate };
-            let rate = self.links.arm().transmission.joint_rate_from_motor(&rate);
+            let rate = self.links.arm().transmission.joint_rate_from_motor(&self.motors.steady_rate(time_s)?);
             Some(LinkState { position: self.links.settled(&angle, &Vector3::zeros()), rate })
         };
         self.seen(sights, sights.iter().map(state).collect())

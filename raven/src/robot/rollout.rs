@@ -16,6 +16,9 @@ pub struct MotorTrack {
 /// Longest pause between motor samples that is bridged [s]; beyond it whatever follows the motion starts anew.
 pub const PAUSE_MAX_S: f64 = 0.5;
 
+/// Half of the window over which a motor's velocity is steady [s].
+const HALF_WINDOW_S: f64 = 0.02;
+
 impl MotorTrack {
     /// The sample interval that holds `time_s`: index of its start; `None` outside the track and in pauses.
     #[must_use]
@@ -32,6 +35,15 @@ impl MotorTrack {
         let k = self.interval(time_s)?;
         let rate = self.rate(k);
         Some((self.angle[k] + rate * (time_s - self.time_s[k]), rate))
+    }
+
+    /// Velocity [rad/s] over 20 ms on either side of a time, where an encoder's steps do not count; at the ends and beside pauses that of the
+    /// interval. `None` outside the track and in pauses.
+    #[must_use]
+    pub fn steady_rate(&self, time_s: f64) -> Option<Vector3<f64>> {
+        let (_, rate) = self.at(time_s)?;
+        let ends = [self.at(time_s - HALF_WINDOW_S), self.at(time_s + HALF_WINDOW_S)];
+        Some(if let [Some((before, _)), Some((after, _))] = ends { (after - before) / (2.0 * HALF_WINDOW_S) } else { rate })
     }
 
     /// First sample of the stretch without pauses that holds interval `k`.

@@ -10,8 +10,6 @@ use crate::evidence::rows::{Inflation, Observed, Rows, Setting};
 
 /// Place of the tip among the channels; the joints come before, their torques after.
 const TIP: usize = 3;
-/// Half of the window over which a motor's speed is taken [s].
-const HALF_WINDOW_S: f64 = 0.02;
 
 impl Sampled for Rows<'_> {
     fn measured(&self) -> Vec<Measured> {
@@ -37,10 +35,8 @@ impl Sampled for Rows<'_> {
             let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
             let (seen, moving) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &times, WINDOW_S);
             for (sight, seen) in data.sights.iter().zip(seen) {
-                let Some((motor, rate)) = data.motors.at(sight.stamp_s) else { continue };
                 let time_s = sight.stamp_s;
-                let ends = [data.motors.at(time_s - HALF_WINDOW_S), data.motors.at(time_s + HALF_WINDOW_S)];
-                let rate = if let [Some((a, _)), Some((b, _))] = ends { (b - a) / (2.0 * HALF_WINDOW_S) } else { rate };
+                let Some(((motor, _), rate)) = data.motors.at(time_s).zip(data.motors.steady_rate(time_s)) else { continue };
                 let rate = transmission.joint_rate_from_motor(&rate);
                 let error = seen.map_or_else(|| Vector3::repeat(f64::NAN), |seen| sight.position_m - seen);
                 let slope = nominal.kinematics.jacobian(&transmission.joint_from_motor(&motor)).try_inverse();
