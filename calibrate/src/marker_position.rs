@@ -8,8 +8,9 @@ use image::RgbImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use raven::camera::{Cameras, Pinhole};
 use raven::stats::median;
+use raven_track::centre::Ball;
 use raven_track::look::Marker;
-use raven_track::marker::blobs;
+use raven_track::marker::Blobs;
 use raven_track::perspective::ball_centre;
 
 /// A place where the marker may be, in the left camera's frame.
@@ -94,13 +95,14 @@ impl Gathered {
 }
 
 fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
-    let round =
-        blobs(image, None, &marker.colour).into_iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
-    let disc = |blob: raven_track::marker::Blob| {
-        let (outline, std_px) = blob.centre(marker.centre);
-        Disc { centre_px: ball_centre(camera, &outline, blob.radius_px), std_px, radius_px: blob.radius_px }
+    let blobs = Blobs::find(image, None, &marker.colour);
+    let round = blobs.found.iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
+    let disc = |ball: Ball| Disc {
+        centre_px: ball_centre(camera, &ball.centre_px, ball.radius_px),
+        std_px: ball.std_px,
+        radius_px: ball.radius_px,
     };
-    round.map(disc).collect()
+    round.map(|blob| disc(blobs.centre(blob, marker.centre))).collect()
 }
 
 /// Chi-square and place of two discs, if they can be the marker.

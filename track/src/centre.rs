@@ -10,15 +10,23 @@
 //! marker's brightness `f` over the ball is that of a matt sphere: nine coefficients of the surface normal, as light of any direction
 //! needs no more (Ramamoorthi and Hanrahan 2001). A centroid, of the mask or weighted, drifts towards the light by tenths of a pixel.
 //! What fits badly weighs less (Huber), so a shaft before the ball, a highlight or an edge in the background do little harm.
+//!
+//! How much a pixel weighs is set for a webcam's compressed frames. A refined fit sees from the residuals of the first how much noise there
+//! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
+//! [`crate::refine`].
 
+use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use crate::patch::{Patch, Sample};
+use crate::refine::{Residual, refined};
+use crate::sieve::LEVEL;
 
 /// `u, v`, radius, two elongations, blur of chroma and of luma, nine coefficients of brightness.
 const SIZE: usize = 16;
 const BLUR: usize = 5;
-const BRIGHTNESS: usize = 7;
+/// Where the coefficients of brightness begin: one of order 0, three of order 1, five of order 2.
+pub const BRIGHTNESS: usize = 7;
 /// Blur of chroma, usually at half the resolution, and of luma [px].
 const BLUR_PX: [f64; 2] = [1.3, 1.0];
 const BLUR_STD_PX: f64 = 0.3;
@@ -38,8 +46,10 @@ const CORRELATION: f64 = 2.5;
 /// With both figures the squared error is 0.5 to 1.5 of the stated variance on rendered balls, from raw and linear to JPEG and gamma 2.2.
 const RESPONSE_STD_PX: f64 = 0.05;
 const ITERATIONS: usize = 15;
+/// Beyond so many blurs outside the outline a pixel tells nothing of the ball.
+const OUTSIDE: f64 = 9.0;
 
-type Vector = SVector<f64, SIZE>;
+pub(crate) type Vector = SVector<f64, SIZE>;
 type Matrix = SMatrix<f64, SIZE, SIZE>;
 
 /// A centre with its standard deviation per axis, and the radius.
@@ -53,44 +63,166 @@ pub struct Ball {
     pub radius_px: f64,
 }
 
+/// What a residual is expected to be, in chroma and in luma.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// Standard deviation of the noise, grey levels.
+    pub noise: [f64; 2],
+    /// What the model misses at the edge, share of the contrast.
+    pub edge: [f64; 2],
+    /// What it misses inside, share of the brightness.
+    pub inside: [f64; 2],
+    /// Where a residual ceases to count by its square, in standard deviations.
+    pub huber: f64,
+    /// Standard deviation of the coefficients of brightness of order 1 and 2, over the mean brightness.
+    pub shade: [f64; 2],
+    /// By how much neighbouring pixels that err together make the centre worse than the fit says.
+    pub correlation: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            noise: [NOISE; 2],
+            edge: [MODEL_ERROR[0]; 2],
+            inside: [MODEL_ERROR[1]; 2],
+            huber: HUBER,
+            shade: BRIGHTNESS_STD,
+            correlation: CORRELATION,
+        }
+    }
+}
+
+/// A fit that has settled.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Settled {
+    pub(crate) x: Vector,
+    pub(crate) variance: Vector,
+    /// Of the centre, per axis [px].
+    noise_px: f64,
+}
+
 /// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius.
 ///
 /// `None` where the fit does not settle near its start: what is there is no ball.
 #[must_use]
-pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64) -> Option<Ball> {
-    let mut prior = Vector::zeros();
-    prior.fixed_rows_mut::<3>(0).copy_from_slice(&[start_px.x, start_px.y, radius_px]);
-    prior.fixed_rows_mut::<2>(BLUR).copy_from_slice(&BLUR_PX);
-    prior[BRIGHTNESS] = patch.chroma;
-    let [first, second] = BRIGHTNESS_STD.map(|share| (share * patch.chroma).powi(-2));
-    let e = ELONGATION_STD.powi(-2);
-    let w = BLUR_STD_PX.powi(-2);
-    let stiffness = Vector::from([0.0, 0.0, 0.0, e, e, w, w, 0.0, first, first, first, second, second, second, second, second]);
+pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, refine: bool) -> Option<Ball> {
+    let start = Start { centre_px: start_px, radius_px, chroma: patch.chroma };
+    let mut fitted = start.settle(patch, &Weights::default(), None)?;
+    if refine {
+        let (patch, weights) = refined(patch, &fitted);
+        fitted = start.settle(&patch, &weights, Some(fitted.x)).unwrap_or(fitted);
+    }
+    let std_px = fitted.noise_px.hypot(RESPONSE_STD_PX);
+    Some(Ball { centre_px: fitted.x.fixed_rows::<2>(0).into(), std_px, radius_px: fitted.x[2] })
+}
 
-    let mut x = prior;
-    for _ in 0..ITERATIONS {
-        let mut normal =
-            Normal { matrix: Matrix::from_diagonal(&stiffness), vector: stiffness.component_mul(&(prior - x)), ..Normal::default() };
-        for sample in &patch.samples {
-            normal.add(&x, sample, [1.0, patch.luma_per_chroma]);
+/// Where a fit begins, and what it may not leave far.
+struct Start {
+    centre_px: Vector2<f64>,
+    radius_px: f64,
+    chroma: f64,
+}
+
+impl Start {
+    fn settle(&self, patch: &Patch, weights: &Weights, from: Option<Vector>) -> Option<Settled> {
+        let mut prior = Vector::zeros();
+        prior.fixed_rows_mut::<3>(0).copy_from_slice(&[self.centre_px.x, self.centre_px.y, self.radius_px]);
+        prior.fixed_rows_mut::<2>(BLUR).copy_from_slice(&BLUR_PX);
+        prior[BRIGHTNESS] = self.chroma;
+        let [first, second] = weights.shade.map(|share| (share * self.chroma).powi(-2));
+        let e = ELONGATION_STD.powi(-2);
+        let w = BLUR_STD_PX.powi(-2);
+        let stiffness = Vector::from([0.0, 0.0, 0.0, e, e, w, w, 0.0, first, first, first, second, second, second, second, second]);
+
+        let mut x = from.unwrap_or(prior);
+        for _ in 0..ITERATIONS {
+            let mut normal =
+                Normal { matrix: Matrix::from_diagonal(&stiffness), vector: stiffness.component_mul(&(prior - x)), ..Normal::default() };
+            dispatch!(*LEVEL, simd => add_all(simd, &mut normal, &x, patch, weights));
+            let (step, covariance, misfit) = normal.solve()?;
+            let largest = step.fixed_rows::<3>(0).amax();
+            x += step * (2.0 / largest).min(1.0);
+            for blur in x.fixed_rows_mut::<2>(BLUR).iter_mut() {
+                *blur = blur.clamp(0.4, 3.0);
+            }
+            let moved = (Vector2::new(x[0], x[1]) - self.centre_px).norm();
+            if !(moved < 0.5 * self.radius_px + 1.0 && (0.6..1.6).contains(&(x[2] / self.radius_px))) {
+                return None;
+            }
+            if largest < 2e-3 {
+                let noise_px = weights.correlation * (0.5 * misfit.max(1.0) * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
+                return Some(Settled { x, variance: covariance.diagonal(), noise_px });
+            }
         }
-        let (step, covariance, misfit) = normal.solve()?;
-        let largest = step.fixed_rows::<3>(0).amax();
-        x += step * (2.0 / largest).min(1.0);
-        for blur in x.fixed_rows_mut::<2>(BLUR).iter_mut() {
-            *blur = blur.clamp(0.4, 3.0);
-        }
-        let moved = (Vector2::new(x[0], x[1]) - start_px).norm();
-        if !(moved < 0.5 * radius_px + 1.0 && (0.6..1.6).contains(&(x[2] / radius_px))) {
+        None
+    }
+}
+
+/// What the model says of a pixel, in one coordinate of colour.
+pub(crate) struct Told {
+    /// Colour seen minus colour told.
+    pub(crate) miss: f64,
+    /// Share of the marker in the pixel.
+    pub(crate) share: f64,
+    /// Marker minus background.
+    pub(crate) contrast: f64,
+    /// The marker's own colour there.
+    pub(crate) bright: f64,
+    slope: f64,
+    z: f64,
+    harmonics: [f64; 9],
+}
+
+/// A pixel's place on the outline's own scale.
+struct Place {
+    dx: f64,
+    dy: f64,
+    stretched: [f64; 2],
+    from_centre: f64,
+    distance: f64,
+}
+
+impl Place {
+    #[inline(always)]
+    fn of(x: &Vector, sample: &Sample) -> Self {
+        let (dx, dy) = (sample.u - x[0], sample.v - x[1]);
+        let stretched = [(1.0 + x[3]) * dx + x[4] * dy, x[4] * dx + (1.0 - x[3]) * dy];
+        let from_centre = (stretched[0] * stretched[0] + stretched[1] * stretched[1]).sqrt().max(1e-6);
+        Self { dx, dy, stretched, from_centre, distance: from_centre - x[2] }
+    }
+
+    /// `None` where the pixel is all background.
+    #[inline(always)]
+    fn tell(&self, x: &Vector, sample: &Sample, k: usize, gain: f64) -> Option<Told> {
+        let softness = 0.55 * x[BLUR + k];
+        let z = (self.distance / softness).max(-40.0);
+        if z > OUTSIDE {
             return None;
         }
-        if largest < 2e-3 {
-            let noise_px = CORRELATION * (0.5 * misfit.max(1.0) * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
-            let std_px = noise_px.hypot(RESPONSE_STD_PX);
-            return Some(Ball { centre_px: Vector2::new(x[0], x[1]), std_px, radius_px: x[2] });
-        }
+        let share = 1.0 / (1.0 + z.exp());
+        // Blur brings the marker's light to a pixel from within the outline: the mean distance over the logistic kernel.
+        let within = softness * (share.ln() + z) / share;
+        // The ball's surface normal there, and its products: spherical harmonics up to the second order.
+        let inwards = (x[2] + within).max(0.0) / (self.from_centre * x[2]);
+        let (nx, ny) = (self.dx * inwards, self.dy * inwards);
+        let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
+        let harmonics = [1.0, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, 3.0 * nz * nz - 1.0];
+        let brightness: f64 = harmonics.iter().enumerate().map(|(i, h)| h * x[BRIGHTNESS + i]).sum();
+        let bright = gain * brightness;
+        let contrast = bright - sample.background[k];
+        let miss = sample.colour[k] - sample.background[k] - share * contrast;
+        Some(Told { miss, share, contrast, bright, slope: -share * (1.0 - share) / softness * contrast, z, harmonics })
     }
-    None
+}
+
+/// Residuals of all pixels that tell something of the ball.
+pub(crate) fn residuals<'p>(patch: &'p Patch, x: &'p Vector) -> impl Iterator<Item = Residual<'p>> {
+    patch.samples.iter().filter_map(|sample| {
+        let place = Place::of(x, sample);
+        let [chroma, luma] = [0, 1].map(|k| place.tell(x, sample, k, [1.0, patch.luma_per_chroma][k]));
+        Some(Residual { sample, told: [chroma?, luma?] })
+    })
 }
 
 /// Normal equations of one Gauss-Newton step.
@@ -102,51 +234,46 @@ struct Normal {
     count: f64,
 }
 
-impl Normal {
-    fn add(&mut self, x: &Vector, sample: &Sample, gain: [f64; 2]) {
-        let (dx, dy) = (sample.u - x[0], sample.v - x[1]);
-        let (stretched_x, stretched_y) = ((1.0 + x[3]) * dx + x[4] * dy, x[4] * dx + (1.0 - x[3]) * dy);
-        let from_centre = stretched_x.hypot(stretched_y).max(1e-6);
-        let distance = from_centre - x[2];
-        for k in 0..2 {
-            let softness = 0.55 * x[BLUR + k];
-            let z = (distance / softness).clamp(-40.0, 40.0);
-            let share = 1.0 / (1.0 + z.exp());
-            let edge = share * (1.0 - share);
-            // Blur brings the marker's light to a pixel from within the outline: the mean distance over the logistic kernel.
-            let within = -softness * (-z).exp().ln_1p() / share;
-            // The ball's surface normal there, and its products: spherical harmonics up to the second order.
-            let inwards = (x[2] + within).max(0.0) / (from_centre * x[2]);
-            let (nx, ny) = (dx * inwards, dy * inwards);
-            let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
-            let harmonics = [1.0, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, 3.0 * nz * nz - 1.0];
-            let brightness: f64 = harmonics.iter().enumerate().map(|(i, h)| h * x[BRIGHTNESS + i]).sum();
-            let contrast = gain[k] * brightness - sample.background[k];
-            let miss = sample.colour[k] - sample.background[k] - share * contrast;
-            let variance = NOISE * NOISE
-                + (1.0 - share).powi(2) * sample.texture[k]
-                + (MODEL_ERROR[0] * 4.0 * edge * contrast).powi(2)
-                + (MODEL_ERROR[1] * share * gain[k] * brightness).powi(2);
-            let slope = -edge / softness * contrast;
-            let mut row = [0.0; SIZE];
-            row[0] = -slope * (stretched_x * (1.0 + x[3]) + stretched_y * x[4]) / from_centre;
-            row[1] = -slope * (stretched_x * x[4] + stretched_y * (1.0 - x[3])) / from_centre;
-            row[2] = -slope;
-            row[3] = slope * (stretched_x * dx - stretched_y * dy) / from_centre;
-            row[4] = slope * (stretched_x * dy + stretched_y * dx) / from_centre;
-            row[BLUR + k] = -slope * z * 0.55;
-            for (entry, harmonic) in row[BRIGHTNESS..].iter_mut().zip(harmonics) {
-                *entry = gain[k] * share * harmonic;
+#[inline(always)]
+fn add_all<S: Simd>(_: S, normal: &mut Normal, x: &Vector, patch: &Patch, weights: &Weights) {
+    for sample in &patch.samples {
+        let place = Place::of(x, sample);
+        for (k, gain) in [1.0, patch.luma_per_chroma].into_iter().enumerate() {
+            if let Some(told) = place.tell(x, sample, k, gain) {
+                normal.add(x, sample, &place, &told, weights, k, gain);
             }
-            let weight = (HUBER * variance.sqrt() / miss.abs()).min(1.0) / variance;
-            self.squares += weight * miss * miss;
-            self.count += 1.0;
-            for i in 0..SIZE {
-                let weighted = weight * row[i];
-                self.vector[i] += weighted * miss;
-                for (entry, value) in self.matrix.column_mut(i).iter_mut().zip(&row) {
-                    *entry += weighted * value;
-                }
+        }
+    }
+}
+
+impl Normal {
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments, reason = "the inner loop: what it needs is at hand in registers")]
+    fn add(&mut self, x: &Vector, sample: &Sample, place: &Place, told: &Told, weights: &Weights, k: usize, gain: f64) {
+        let &Told { miss, share, contrast, bright, slope, z, ref harmonics } = told;
+        let variance = weights.noise[k].powi(2)
+            + (1.0 - share).powi(2) * sample.texture[k]
+            + (weights.edge[k] * 4.0 * share * (1.0 - share) * contrast).powi(2)
+            + (weights.inside[k] * share * bright).powi(2);
+        let [stretched_x, stretched_y] = place.stretched;
+        let mut row = [0.0; SIZE];
+        row[0] = -slope * (stretched_x * (1.0 + x[3]) + stretched_y * x[4]) / place.from_centre;
+        row[1] = -slope * (stretched_x * x[4] + stretched_y * (1.0 - x[3])) / place.from_centre;
+        row[2] = -slope;
+        row[3] = slope * (stretched_x * place.dx - stretched_y * place.dy) / place.from_centre;
+        row[4] = slope * (stretched_x * place.dy + stretched_y * place.dx) / place.from_centre;
+        row[BLUR + k] = -slope * z * 0.55;
+        for (entry, harmonic) in row[BRIGHTNESS..].iter_mut().zip(harmonics) {
+            *entry = gain * share * harmonic;
+        }
+        let weight = (weights.huber * variance.sqrt() / miss.abs().max(1e-9)).min(1.0) / variance;
+        self.squares += weight * miss * miss;
+        self.count += 1.0;
+        for i in 0..SIZE {
+            let weighted = weight * row[i];
+            self.vector[i] += weighted * miss;
+            for (entry, value) in self.matrix.column_mut(i).iter_mut().zip(&row) {
+                *entry += weighted * value;
             }
         }
     }

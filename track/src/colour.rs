@@ -6,10 +6,14 @@
 //! ```text
 //! V = max(R, G, B)      S = 255 (V - min) / V      H = 30 (G - B) / (V - min)  where V = R, and so on by thirds of the circle, 0..179
 //! ```
+//!
+//! Few pixels of an image have the colour. [`crate::sieve`] finds those that may, without division; only they are converted.
 
-use image::{GrayImage, Luma, Rgb, RgbImage};
+use image::{Rgb, RgbImage};
 
+use crate::bits::Bits;
 use crate::marker::Region;
+use crate::sieve::Sieve;
 
 /// The marker's colour as ranges, bounds included.
 ///
@@ -70,28 +74,40 @@ impl MarkerColour {
     /// The ranges in OpenCV's units, `[hue from, hue to, saturation, value]`, as its `inRange` takes them (hue 90 to 150 deg is 45 to 75).
     #[must_use]
     pub fn opencv_bounds(&self) -> [u8; 4] {
+        let [from, to] = self.hue_deg;
         let hue = |degrees: f64| ((degrees / 2.0).round().rem_euclid(180.0)) as u8;
+        let [low, high] = if to - from >= 359.0 { [0, 179] } else { [hue(from), hue(to)] };
         let share = |part: f64| (part.clamp(0.0, 1.0) * 255.0).round() as u8;
-        [hue(self.hue_deg[0]), hue(self.hue_deg[1]), share(self.min_saturation), share(self.min_value)]
+        [low, high, share(self.min_saturation), share(self.min_value)]
     }
 
-    /// White (255) where a pixel of `image` within `region` has the colour, black elsewhere; as large as the region.
+    /// Whether a pixel has the colour.
+    #[must_use]
+    pub fn is(&self, pixel: Rgb<u8>) -> bool {
+        let [from, to, min_saturation, min_value] = self.opencv_bounds();
+        let [hue, saturation, value] = hsv(pixel);
+        let hue_fits = if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to };
+        hue_fits && saturation >= min_saturation && value >= min_value
+    }
+
+    /// White where a pixel of `image` within `region` has the colour, black elsewhere; as large as the region.
     ///
     /// The region must lie in the image: see [`Region::clipped`].
     #[must_use]
-    pub fn mask(&self, image: &RgbImage, region: Region) -> GrayImage {
-        let [from, to, min_saturation, min_value] = self.opencv_bounds();
-        GrayImage::from_fn(region.width, region.height, |x, y| {
-            let [hue, saturation, value] = hsv(*image.get_pixel(region.x + x, region.y + y));
-            let hue_fits = if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to };
-            Luma([if hue_fits && saturation >= min_saturation && value >= min_value { 255 } else { 0 }])
-        })
+    pub fn mask(&self, image: &RgbImage, region: Region) -> Bits {
+        let mut mask = Bits::black(region.width as usize, region.height as usize);
+        let columns = 3 * region.x as usize..3 * (region.x + region.width) as usize;
+        let rows = image.as_raw().chunks_exact(3 * image.width() as usize).skip(region.y as usize);
+        let rows = rows.filter_map(|row| row.get(columns.clone()));
+        Sieve::new(self.opencv_bounds()).rows(rows.zip(mask.rows_mut()), |pixel| self.is(Rgb(pixel)));
+        mask
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn hsv_of_known_colours() {
@@ -114,6 +130,24 @@ mod tests {
         let red = MarkerColour { hue_deg: [340.0, 20.0], ..MarkerColour::default() };
         let image = RgbImage::from_fn(3, 1, |x, _| Rgb([[200, 20, 60], [200, 60, 20], [20, 200, 20]][x as usize]));
         let mask = red.mask(&image, Region { x: 0, y: 0, width: 3, height: 1 });
-        assert_eq!(mask.as_raw(), &[255, 255, 0]);
+        assert_eq!(mask.row(0), &[0b011]);
+    }
+
+    proptest! {
+        /// All colours on a grid that holds the extremes, in a row of several words and some more.
+        #[test]
+        fn the_sieve_loses_nothing(from in 0_u32..=360, width in 1_u32..=360, saturation in 0_u32..=100, value in 0_u32..=100, phase in 0_u32..15) {
+            let share = |percent: u32| f64::from(percent) / 100.0;
+            let hue_deg = [f64::from(from), f64::from((from + width) % 361)];
+            let colour = MarkerColour { hue_deg, min_saturation: share(saturation), min_value: share(value) };
+            let level = |i: u32| if i == 17 { 255 } else { (15 * i + phase) as u8 };
+            let image = RgbImage::from_fn(18 * 18, 18, |x, y| Rgb([level(x % 18), level(x / 18), level(y)]));
+            let region = Region { x: 3, y: 1, width: 18 * 18 - 5, height: 16 };
+            let mask = colour.mask(&image, region);
+            for (x, y) in (0..region.height).flat_map(|y| (0..region.width).map(move |x| (x, y))) {
+                let pixel = *image.get_pixel(region.x + x, region.y + y);
+                prop_assert_eq!(mask.get(x as i32, y as i32), colour.is(pixel), "{:?} {:?}", pixel, colour);
+            }
+        }
     }
 }

@@ -8,7 +8,7 @@ use raven::camera::Pinhole;
 
 use crate::colour::MarkerColour;
 use crate::lock::Size;
-use crate::marker::{Blob, Centre, Region, blobs};
+use crate::marker::{Blob, Blobs, Centre, Region};
 use crate::perspective::ball_centre;
 use crate::predict::View;
 
@@ -70,24 +70,26 @@ impl Search {
         let radius_px = self.marker.radius_m * expected.px_per_m;
         let mut side = self.side_px.max(REGION_RADII * radius_px);
         loop {
-            let found = blobs(image, Some(Region::around(&expected.pixel, side as u32)), &self.marker.colour);
-            let candidates: Vec<Candidate> = found.iter().filter_map(|blob| self.candidate(blob, radius_px)).collect();
-            if !candidates.is_empty() || side >= self.largest_px() || !found.iter().any(|blob| blob.cut_off) {
+            let blobs = Blobs::find(image, Some(Region::around(&expected.pixel, side as u32)), &self.marker.colour);
+            let candidates: Vec<Candidate> = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, radius_px)).collect();
+            if !candidates.is_empty() || side >= self.largest_px() || !blobs.found.iter().any(|blob| blob.cut_off) {
                 return candidates;
             }
             side *= 2.0;
         }
     }
 
-    fn candidate(&self, blob: &Blob, radius_px: f64) -> Option<Candidate> {
+    fn candidate(&self, blobs: &Blobs<'_>, blob: &Blob, radius_px: f64) -> Option<Candidate> {
         let share = blob.area_px / (PI * radius_px * radius_px);
         let round = blob.aspect >= MIN_ASPECT && blob.ellipse_fill >= MIN_FILL;
-        let (outline, std_px) = blob.centre(self.marker.centre);
-        (round && !blob.cut_off && self.size.fits(share)).then(|| Candidate {
-            centre: ball_centre(&self.camera, &outline, blob.radius_px),
-            std_px,
-            radius_px: blob.radius_px,
-            share,
+        (round && !blob.cut_off && self.size.fits(share)).then(|| {
+            let ball = blobs.centre(blob, self.marker.centre);
+            let centre = match self.marker.centre {
+                // The paper's centroid as it is.
+                Centre::Contour => ball.centre_px,
+                Centre::Ball | Centre::Refined => ball_centre(&self.camera, &ball.centre_px, ball.radius_px),
+            };
+            Candidate { centre, std_px: ball.std_px, radius_px: ball.radius_px, share }
         })
     }
 

@@ -1,20 +1,23 @@
-//! Blobs of the marker's colour in an image: threshold, median, erosion, dilation, contour, centre.
+//! Blobs of the marker's colour in an image, and their centres.
 //!
-//! Source of the pipeline: Haghighipanah et al. 2017. Two centres come with each blob:
+//! Threshold, median, erosion, dilation, contour: the pipeline of Haghighipanah et al. 2017, see [`crate::bits`] and [`crate::outline`].
+//! Three centres can be had of each blob:
 //!
 //! | centre | what | standard deviation per axis |
 //! |---|---|---|
 //! | [`Centre::Contour`] | centroid by the outline's moments, the paper's | [`CONTOUR_STD_PX`] |
-//! | [`Centre::Ball`] | a shaded ball fitted to the colours, see [`crate::centre`] | [`Blob::std_px`], mostly 0.03 to 0.10 px |
+//! | [`Centre::Ball`] | a shaded ball fitted to the colours, see [`crate::centre`] | the fit's, mostly 0.03 to 0.10 px |
+//! | [`Centre::Refined`] | the same, fitted again with weights that the first fit's residuals give | the fit's |
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel.
 
-use image::{GrayImage, RgbImage};
+use image::RgbImage;
 use nalgebra::Vector2;
 
+use crate::bits::Bits;
 use crate::centre::{self, Ball};
 use crate::colour::MarkerColour;
-use crate::mask::{self, Moments};
+use crate::outline::{self, Moments, Pixel};
 use crate::patch::{Bounds, Patch, REACH_PX};
 
 /// A rectangle of an image [px].
@@ -63,27 +66,26 @@ pub enum Centre {
     Ball,
     /// Centroid of the mask's outline: the paper's.
     Contour,
+    /// Of a ball fitted twice, see `--refine`.
+    #[value(skip)]
+    Refined,
 }
 
 /// A connected area of the marker's colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blob {
-    /// Centre `(u, v)` [px] of the ball fitted to the colours, or of the contour where no ball fits.
-    pub centre_px: Vector2<f64>,
-    /// Standard deviation of [`Self::centre_px`] per axis [px], from this blob's contrast, edge and background.
-    pub std_px: f64,
     /// Centroid of the outline `(u, v)` [px].
     pub contour_px: Vector2<f64>,
     /// Pixels on and within the outline.
     pub area_px: f64,
-    /// Radius of the ball, or of the disc of the same area [px].
-    pub radius_px: f64,
     /// Minor over major axis, 1 for a disc.
     pub aspect: f64,
     /// Area over that of the ellipse with the same second moments, 1 for an ellipse, less for what is bent or partly hidden.
     pub ellipse_fill: f64,
     /// Whether it reaches to the edge of the image or of the region, so that part of it may lie outside.
     pub cut_off: bool,
+    /// In pixels of the mask.
+    bounds: Bounds,
 }
 
 /// Standard deviation per axis of a contour's centroid [px]. On rendered balls 0.12 px under even light and 0.19 px with JPEG
@@ -92,53 +94,54 @@ pub const CONTOUR_STD_PX: f64 = 0.30;
 /// Fewest pixels that a ball is fitted to: a radius of 3 px.
 const FEWEST_PX: f64 = 28.0;
 
-impl Blob {
-    /// A centre and its standard deviation per axis [px].
+/// All blobs of a colour in an image, or in a region of it.
+#[derive(Debug, Clone)]
+pub struct Blobs<'i> {
+    image: &'i RgbImage,
+    region: Region,
+    mask: Bits,
+    /// The blobs, the largest first.
+    pub found: Vec<Blob>,
+}
+
+impl<'i> Blobs<'i> {
+    /// Looks for blobs of `colour`. The clean-up removes what is narrower than 3 px.
     #[must_use]
-    pub fn centre(&self, kind: Centre) -> (Vector2<f64>, f64) {
-        match kind {
-            Centre::Ball => (self.centre_px, self.std_px),
-            Centre::Contour => (self.contour_px, CONTOUR_STD_PX),
+    pub fn find(image: &'i RgbImage, region: Option<Region>, colour: &MarkerColour) -> Self {
+        let nowhere = Region { x: 0, y: 0, width: 0, height: 0 };
+        let region = region.unwrap_or_else(|| Region::whole(image)).clipped(image).unwrap_or(nowhere);
+        let mask = colour.mask(image, region).clean();
+        let mut found: Vec<Blob> = outline::outlines(&mask).iter().filter_map(|outline| blob(region, outline)).collect();
+        found.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
+        Self { image, region, mask, found }
+    }
+
+    /// The centre of a blob of this image, with its standard deviation per axis and the radius. Where no ball fits, or the blob is small or
+    /// cut off, it is the contour's.
+    #[must_use]
+    pub fn centre(&self, blob: &Blob, kind: Centre) -> Ball {
+        let disc_px = (blob.area_px / std::f64::consts::PI).sqrt();
+        let contour = Ball { centre_px: blob.contour_px, std_px: CONTOUR_STD_PX, radius_px: disc_px };
+        if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
+            return contour;
         }
+        let patch = Patch::cut(self.image, self.region, &self.mask, blob.bounds);
+        patch.and_then(|patch| centre::fit(&patch, blob.contour_px, disc_px, kind == Centre::Refined)).unwrap_or(contour)
     }
 }
 
-/// All blobs of `colour` in the image, or in a region of it, the largest first.
-///
-/// The clean-up removes what is narrower than 3 px.
-#[must_use]
-pub fn blobs(image: &RgbImage, region: Option<Region>, colour: &MarkerColour) -> Vec<Blob> {
-    let Some(region) = region.unwrap_or_else(|| Region::whole(image)).clipped(image) else { return Vec::new() };
-    let mask = mask::clean(&colour.mask(image, region));
-    let mut blobs: Vec<Blob> = mask::outlines(&mask).iter().filter_map(|outline| blob(image, region, &mask, outline)).collect();
-    blobs.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
-    blobs
-}
-
-fn blob(image: &RgbImage, region: Region, mask: &GrayImage, outline: &[imageproc::point::Point<i32>]) -> Option<Blob> {
+fn blob(region: Region, outline: &[Pixel]) -> Option<Blob> {
     let moments = Moments::of(outline)?;
     let range = |values: &mut dyn Iterator<Item = i32>| values.fold((i32::MAX, i32::MIN), |(low, high), v| (low.min(v), high.max(v)));
     let (left, right) = range(&mut outline.iter().map(|p| p.x));
     let (top, bottom) = range(&mut outline.iter().map(|p| p.y));
     let margin = REACH_PX as i32;
-    let cut_off = left < margin || top < margin || right + margin >= region.width as i32 || bottom + margin >= region.height as i32;
-    let area_px = mask::pixels_within(outline, moments.area_px2);
-    let contour_px = moments.centroid_px + Vector2::new(f64::from(region.x), f64::from(region.y));
-    let disc_px = (area_px / std::f64::consts::PI).sqrt();
-    let fitted = if cut_off || area_px < FEWEST_PX { None } else { Patch::cut(image, region, mask, Bounds { left, top, right, bottom }) };
-    let Ball { centre_px, std_px, radius_px } = fitted.and_then(|patch| centre::fit(&patch, contour_px, disc_px)).unwrap_or(Ball {
-        centre_px: contour_px,
-        std_px: CONTOUR_STD_PX,
-        radius_px: disc_px,
-    });
     Some(Blob {
-        centre_px,
-        std_px,
-        contour_px,
-        area_px,
-        radius_px,
+        contour_px: moments.centroid_px + Vector2::new(f64::from(region.x), f64::from(region.y)),
+        area_px: outline::pixels_within(outline, moments.area_px2),
         aspect: moments.aspect(),
         ellipse_fill: moments.ellipse_fill(),
-        cut_off,
+        cut_off: left < margin || top < margin || right + margin >= region.width as i32 || bottom + margin >= region.height as i32,
+        bounds: Bounds { left, top, right, bottom },
     })
 }

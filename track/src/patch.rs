@@ -3,26 +3,28 @@
 //! The coordinates are the chroma along the marker's own direction at right angles to grey, in which a grey shaft, a shadow or a
 //! highlight do not show, and the luma (Rec. 601), which webcams send at full resolution.
 
-use image::{GrayImage, RgbImage};
-use imageproc::distance_transform::{Norm, distance_transform};
+use image::RgbImage;
 use nalgebra::Vector3;
 
+use crate::bits::Bits;
 use crate::marker::Region;
 
 /// How far beyond the mask the background is looked at [px].
 pub const REACH_PX: u32 = 7;
 /// Depth from which on a pixel of the mask is all marker [px]: optical blur and chroma at half the resolution smear an edge over 3 px.
-const CORE_DEPTH_PX: u8 = 3;
+const CORE_DEPTH_PX: usize = 3;
 /// Distance from which on a pixel is all background [px].
-const OUTSIDE_PX: u8 = 4;
+const OUTSIDE_PX: u32 = 4;
 /// Half the window in which a pixel at the edge looks for background [px]; it grows until there is some.
 const WINDOW_PX: i32 = 3;
 /// Fewest pixels that make a background.
 const FEWEST: f64 = 6.0;
+/// Pixels of background within the window of a pixel at the edge, about.
+const NEARBY: f64 = 20.0;
 const LUMA: Vector3<f64> = Vector3::new(0.299, 0.587, 0.114);
 
 /// Pixels of a mask that an outline spans, ends included.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bounds {
     /// First column.
     pub left: i32,
@@ -58,6 +60,8 @@ pub struct Patch {
     pub chroma: f64,
     /// Luma over chroma of the marker.
     pub luma_per_chroma: f64,
+    /// Mean and variance of all the background.
+    pub everywhere: [[f64; 2]; 2],
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -74,15 +78,15 @@ impl Patch {
     ///
     /// `None` where it is not, or where the marker has no colour.
     #[must_use]
-    pub fn cut(image: &RgbImage, region: Region, mask: &GrayImage, bounds: Bounds) -> Option<Self> {
+    pub fn cut(image: &RgbImage, region: Region, mask: &Bits, bounds: Bounds) -> Option<Self> {
         let reach = REACH_PX as i32;
         let (left, top) = (u32::try_from(bounds.left - reach).ok()?, u32::try_from(bounds.top - reach).ok()?);
         let width = u32::try_from(bounds.right - bounds.left + 1 + 2 * reach).ok()?;
         let height = u32::try_from(bounds.bottom - bounds.top + 1 + 2 * reach).ok()?;
-        if left + width > mask.width() || top + height > mask.height() {
+        if (left + width) as usize > mask.width() || (top + height) as usize > mask.height() {
             return None;
         }
-        let kinds = kinds(image::imageops::crop_imm(mask, left, top, width, height).to_image());
+        let kinds = kinds(&mask.crop(left as i32, top as i32, width, height));
         let (x, y) = (region.x + left, region.y + top);
         let rgb = |i: usize| {
             let i = i as u32;
@@ -109,24 +113,65 @@ impl Patch {
             let (u, v) = (f64::from(x) + f64::from(column), f64::from(y) + f64::from(row));
             samples.push(Sample { u, v, colour: plane.colour[i], background, texture });
         }
-        Some(Self { samples, chroma: inner.dot(&axis), luma_per_chroma: inner.dot(&LUMA) / inner.dot(&axis) })
+        Some(Self { samples, chroma: inner.dot(&axis), luma_per_chroma: inner.dot(&LUMA) / inner.dot(&axis), everywhere })
+    }
+}
+
+impl Patch {
+    /// The same with `slope` times chroma taken from luma.
+    pub(crate) fn without_common(&self, slope: f64) -> Self {
+        let less = |[chroma, luma]: [f64; 2]| [chroma, luma - slope * chroma];
+        // Chroma and luma of a texture differ independently: muted colours, patches of light.
+        let variance = |[chroma, luma]: [f64; 2]| [chroma, luma + slope * slope * chroma];
+        let samples = self.samples.iter().map(|sample| Sample {
+            colour: less(sample.colour),
+            background: less(sample.background),
+            texture: variance(sample.texture),
+            ..*sample
+        });
+        let [mean, spread] = self.everywhere;
+        Self {
+            samples: samples.collect(),
+            luma_per_chroma: self.luma_per_chroma - slope,
+            everywhere: [less(mean), variance(spread)],
+            ..*self
+        }
+    }
+
+    /// The same where `noise` of the background's variance, grey levels squared, is no texture: without texture the background of all
+    /// pixels is a better one than that nearby.
+    pub(crate) fn without_noise(mut self, noise: [f64; 2]) -> Self {
+        let [mean, spread] = self.everywhere;
+        for sample in &mut self.samples {
+            for k in 0..2 {
+                sample.texture[k] = (sample.texture[k] - noise[k]).max(0.0);
+                let texture = (spread[k] - noise[k]).max(0.0);
+                let trust = texture / (texture + noise[k] / NEARBY + 1e-9);
+                sample.background[k] = mean[k] + trust * (sample.background[k] - mean[k]);
+            }
+        }
+        self
     }
 }
 
 /// What each pixel of a mask is, by its distance to the mask's edge.
-fn kinds(mask: GrayImage) -> Vec<Kind> {
-    let distance = distance_transform(&mask, Norm::LInf);
-    let mut negative = mask;
-    image::imageops::invert(&mut negative);
-    let depth = distance_transform(&negative, Norm::LInf);
-    let core = depth.as_raw().iter().copied().max().unwrap_or(0).min(CORE_DEPTH_PX);
-    let kind = |depth: u8, distance: u8| match distance {
-        _ if depth >= core => Kind::Core,
-        0..OUTSIDE_PX => Kind::Edge,
-        OUTSIDE_PX..=7 => Kind::Outside,
-        _ => Kind::Far,
+fn kinds(mask: &Bits) -> Vec<Kind> {
+    let mut core = mask.clone();
+    for _ in 1..CORE_DEPTH_PX {
+        let deeper = core.erode3();
+        if deeper.any() {
+            core = deeper;
+        }
+    }
+    let wider = |by: u32| (0..by).fold(mask.clone(), |mask, _| mask.dilate3());
+    let (near, reached) = (wider(OUTSIDE_PX - 1), wider(REACH_PX));
+    let kind = |x: i32, y: i32| match () {
+        () if core.get(x, y) => Kind::Core,
+        () if near.get(x, y) => Kind::Edge,
+        () if reached.get(x, y) => Kind::Outside,
+        () => Kind::Far,
     };
-    depth.as_raw().iter().zip(distance.as_raw()).map(|(&depth, &distance)| kind(depth, distance)).collect()
+    (0..mask.height() as i32).flat_map(|y| (0..mask.width() as i32).map(move |x| (x, y))).map(|(x, y)| kind(x, y)).collect()
 }
 
 struct Plane {

@@ -1,4 +1,7 @@
 //! Tests on rendered images.
 
+mod exact;
 mod marker;
+mod opencv;
+mod precision;
 mod scene;

@@ -1,0 +1,98 @@
+//! Weights for a second fit of a ball, from the residuals of the first.
+//!
+//! On raw frames noise is white and the edge is as the model has it: then all of the contrast counts, and the centre comes close to the
+//! Cramer-Rao bound. On compressed frames residuals at the edge are larger and neighbours err together. Both are seen in the residuals:
+//!
+//! | from | comes |
+//! |---|---|
+//! | residuals away from the edge | noise of chroma, of luma, and what they have in common |
+//! | the same at the edge and inside, beyond the noise | what the model misses, over contrast and brightness |
+//! | products of neighbours' residuals | the factor on the standard deviation |
+//! | the coefficients of brightness over their own deviations | how much shade to allow for: none where none is seen |
+
+use std::collections::HashMap;
+
+use crate::centre::{BRIGHTNESS, Settled, Told, Weights, residuals};
+use crate::patch::{Patch, Sample};
+
+/// Least noise: what rounding to whole grey levels leaves.
+const ROUNDING: f64 = 0.289;
+/// A pixel with less of the marker than this, or of the background, is away from the edge.
+const AWAY: f64 = 0.02;
+/// Where a residual ceases to count by its square: few pixels of a frame without compression are beyond.
+const HUBER: f64 = 2.5;
+
+/// One pixel's residuals, chroma and luma.
+pub(crate) struct Residual<'p> {
+    pub(crate) sample: &'p Sample,
+    pub(crate) told: [Told; 2],
+}
+
+impl Residual<'_> {
+    fn is_away(&self) -> bool {
+        let share = self.told[0].share;
+        share.min(1.0 - share) < AWAY
+    }
+}
+
+/// The patch with luma freed of what it has in common with chroma, and the weights.
+pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
+    let all: Vec<Residual<'_>> = residuals(patch, &first.x).collect();
+    let common = |of: fn(&Residual<'_>) -> f64| robust_mean(all.iter().filter(|r| r.is_away()).map(of));
+    let chroma2 = common(|r| r.told[0].miss.powi(2)).max(ROUNDING * ROUNDING);
+    let slope = common(|r| r.told[0].miss * r.told[1].miss) / chroma2;
+    let patch = patch.without_common(slope);
+    let all: Vec<Residual<'_>> = residuals(&patch, &first.x).collect();
+    let mut weights = Weights { huber: HUBER, correlation: correlation(&all), ..Weights::default() };
+    for k in 0..2 {
+        let square = |told: &Told| told.miss * told.miss;
+        let noise2 = robust_mean(all.iter().filter(|r| r.is_away()).map(|r| square(&r.told[k]))).max(ROUNDING * ROUNDING);
+        let beyond = |wanted: fn(&Residual<'_>) -> bool, scale: fn(&Told) -> f64| {
+            let there = || all.iter().filter(|r| wanted(r));
+            let excess = robust_mean(there().map(|r| square(&r.told[k]))) - noise2;
+            let scale2 = there().map(|r| scale(&r.told[k]).powi(2)).sum::<f64>() / there().count().max(1) as f64;
+            if scale2 > 0.0 { (excess.max(0.0) / scale2).sqrt() } else { 0.0 }
+        };
+        weights.noise[k] = noise2.sqrt();
+        weights.edge[k] = beyond(|r| !r.is_away(), |told| 4.0 * told.share * (1.0 - told.share) * told.contrast);
+        weights.inside[k] = beyond(|r| r.is_away() && r.told[0].share > 0.5, |told| told.bright);
+    }
+    weights.shade = shade(first);
+    drop(all);
+    (patch.without_noise(weights.noise.map(|noise| noise * noise)), weights)
+}
+
+/// Mean of squares or products, without the largest that outliers make: values beyond twenty times the median magnitude are left
+/// out, of squares of normal deviates one in 4000.
+fn robust_mean(values: impl Iterator<Item = f64>) -> f64 {
+    let values: Vec<f64> = values.collect();
+    let magnitude = raven::stats::median(&values.iter().map(|v| v.abs()).collect::<Vec<f64>>()).unwrap_or(0.0);
+    let near = values.iter().filter(|v| v.abs() <= 20.0 * magnitude);
+    let (sum, count) = near.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
+/// How far the mean of residuals scatters more than that of independent ones, from the correlation of neighbours in a row and in a column.
+fn correlation(all: &[Residual<'_>]) -> f64 {
+    let at = |r: &Residual<'_>, du: f64, dv: f64| ((r.sample.u + du) as i64, (r.sample.v + dv) as i64);
+    let misses: HashMap<(i64, i64), f64> = all.iter().map(|r| (at(r, 0.0, 0.0), r.told[0].miss)).collect();
+    let along = |du: f64, dv: f64| {
+        let pairs = all.iter().filter_map(|r| Some((r.told[0].miss, *misses.get(&at(r, du, dv))?)));
+        let (product, square) = pairs.fold((0.0, 1e-12), |(p, s), (a, b)| (p + a * b, s + 0.5 * (a * a + b * b)));
+        let rho: f64 = (product / square).clamp(0.0, 0.7);
+        (1.0 + rho) / (1.0 - rho)
+    };
+    (along(1.0, 0.0) * along(0.0, 1.0)).sqrt()
+}
+
+/// Standard deviations of the coefficients of brightness of order 1 and 2 over the mean: what is left of their squares beyond their variance.
+fn shade(first: &Settled) -> [f64; 2] {
+    let mean = first.x[BRIGHTNESS].abs().max(1e-9);
+    let of = |range: std::ops::Range<usize>| {
+        let count = range.len() as f64;
+        let squares: f64 = range.clone().map(|i| first.x[i].powi(2)).sum::<f64>() / count;
+        let own: f64 = range.map(|i| first.variance[i]).sum::<f64>() / count;
+        ((squares - own).max(0.05 * own)).sqrt() / mean
+    };
+    [of(BRIGHTNESS + 1..BRIGHTNESS + 4), of(BRIGHTNESS + 4..BRIGHTNESS + 9)]
+}

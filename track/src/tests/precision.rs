@@ -1,0 +1,83 @@
+//! How close the centres come to the Cramer-Rao bound on balls by the renderer of [`super::exact`].
+
+use image::RgbImage;
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use nalgebra::{Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use raven::log::{CameraFrame, FrameData, Side, Stamp};
+
+use super::exact::{Drawn, SIDE};
+use crate::colour::MarkerColour;
+use crate::marker::{Blobs, Centre};
+
+const TRIALS: usize = 150;
+
+/// RMS error per axis [px] of a kind of centre over many places in the pixel grid.
+fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) -> RgbImage) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(2017);
+    let mut sums = vec![0.0; kinds.len()];
+    for _ in 0..TRIALS {
+        let shift = Vector2::new(rng.random_range(-0.5..0.5), rng.random_range(-0.5..0.5));
+        let here = Drawn { centre: drawn.centre + shift, ..drawn };
+        let image = sent(here.photograph(noise, &mut rng));
+        let blobs = Blobs::find(&image, None, &MarkerColour::default());
+        for (sum, kind) in sums.iter_mut().zip(kinds) {
+            *sum += (blobs.centre(&blobs.found[0], *kind).centre_px - here.centre).norm_squared();
+        }
+    }
+    sums.into_iter().map(|sum| (sum / (2.0 * TRIALS as f64)).sqrt()).collect()
+}
+
+/// Through a webcam's JPEG file.
+fn compressed(image: RgbImage, quality: u8, sampling: SamplingFactor) -> RgbImage {
+    let mut jpeg = Vec::new();
+    let mut encoder = Encoder::new(&mut jpeg, quality);
+    encoder.set_sampling_factor(sampling);
+    encoder.encode(image.as_raw(), SIDE as u16, SIDE as u16, ColorType::Rgb).unwrap();
+    let frame = CameraFrame {
+        side: Side::Left,
+        stamp: Stamp(1),
+        log_time: Stamp(1),
+        frame_id: String::new(),
+        sequence: None,
+        data: FrameData::Jpeg(jpeg),
+    };
+    frame.decode_rgb().unwrap()
+}
+
+const KINDS: [Centre; 3] = [Centre::Contour, Centre::Ball, Centre::Refined];
+
+#[test]
+fn raw_frames_come_near_the_bound() {
+    for light in [Vector3::zeros(), Vector3::new(-0.2, -0.5, -0.4)] {
+        for (radius_px, noise) in [(5.0, 2.0), (5.0, 5.0), (8.0, 2.0), (8.0, 5.0), (12.0, 2.0), (12.0, 5.0)] {
+            let drawn = Drawn { light, ..Drawn::disc(radius_px) };
+            let bound = drawn.bound_px(noise);
+            let [contour, ball, refined] = rms_px(drawn, noise, &KINDS, |image| image).try_into().unwrap();
+            let case = format!(
+                "light {:.1}, radius {radius_px} px, noise {noise}: bound {bound:.4} px, contour {contour:.4} ({:.1}), ball {ball:.4} ({:.2}), \
+                 refined {refined:.4} ({:.2})",
+                light.norm(),
+                contour / bound,
+                ball / bound,
+                refined / bound
+            );
+            eprintln!("{case}");
+            assert!(ball <= 1.8 * bound && refined <= 1.2 * bound, "{case}");
+        }
+    }
+}
+
+#[test]
+fn compressed_frames_stay_within_three_hundredths_of_a_pixel() {
+    for sampling in [SamplingFactor::F_2_1, SamplingFactor::F_2_2] {
+        for radius_px in [5.0, 8.0, 12.0] {
+            let all = rms_px(Drawn::disc(radius_px), 3.0, &KINDS, |image| compressed(image, 85, sampling));
+            let [contour, ball, refined] = all.try_into().unwrap();
+            let case = format!("{sampling:?}, radius {radius_px} px: contour {contour:.4}, ball {ball:.4}, refined {refined:.4} px");
+            eprintln!("{case}");
+            assert!(ball <= 0.03, "{case}");
+        }
+    }
+}
