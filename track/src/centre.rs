@@ -3,22 +3,22 @@
 //! A pixel's colour is a mixture of marker and background, in chroma and in luma:
 //!
 //! ```text
-//! c = b + a (f - b),   a = 1 / (1 + exp(d / 0.55 w))
+//! c = b + a (f - b),   a = 1 / (1 + exp(1.5976 t + 0.0706 t^3)),   t = d / w
 //! ```
 //!
-//! `b` is the background nearby, `d` the distance from the outline, an ellipse about `(u, v)`, and `w` the blur of its edge. The
-//! marker's brightness `f` over the ball is that of a matt sphere: nine coefficients of the surface normal, as light of any direction
+//! `b` is the background nearby, `d` the distance from the outline, an ellipse about `(u, v)`, and `w` the blur of its edge:
+//! `a` is the normal distribution to 0.0002. The marker's brightness `f` over the ball is that of a matt sphere: nine coefficients of the surface normal, as light of any direction
 //! needs no more (Ramamoorthi and Hanrahan 2001). A centroid, of the mask or weighted, drifts towards the light by tenths of a pixel.
 //! What fits badly weighs less (Huber), so a shaft before the ball, a highlight or an edge in the background do little harm.
 //!
-//! How much a pixel weighs is set for a webcam's compressed frames. A refined fit sees from the residuals of the first how much noise there
+//! How much a pixel weighs in the first fit is set for a webcam's frames. The next sees from the residuals of the first how much noise there
 //! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
 //! [`crate::refine`].
 
 use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, SVector, Vector2};
 
-use crate::patch::{Patch, Sample};
+use crate::patch::{CHROMA, LUMA, Patch, Sample};
 use crate::refine::{Residual, refined};
 use crate::sieve::LEVEL;
 
@@ -37,17 +37,24 @@ const BRIGHTNESS_STD: [f64; 2] = [0.7, 0.15];
 /// Noise of a webcam, grey levels.
 const NOISE: f64 = 3.0;
 /// What the model misses: share of the contrast at the edge, share of the brightness inside.
-const MODEL_ERROR: [f64; 2] = [0.1, 0.05];
+const MODEL_ERROR: [f64; 2] = [0.03, 0.03];
 /// Where a residual ceases to count by its square, in standard deviations.
-const HUBER: f64 = 1.0;
+const HUBER: f64 = 1.5;
 /// Neighbouring pixels err together, by compression and by texture behind the edge, so that the fit's own standard deviation is too small.
 const CORRELATION: f64 = 2.5;
 /// What the camera's unknown response does: rendered balls shift by -0.03 px along the light for a linear one, by 0.09 px for gamma 2.2.
 /// With both figures the squared error is 0.5 to 1.5 of the stated variance on rendered balls, from raw and linear to JPEG and gamma 2.2.
 const RESPONSE_STD_PX: f64 = 0.05;
 const ITERATIONS: usize = 15;
+/// Steps smaller than this end a fit [px]: one that only gives weights, and one that gives the centre.
+const ROUGH_PX: f64 = 0.02;
+const FINE_PX: f64 = 2e-3;
 /// Beyond so many blurs outside the outline a pixel tells nothing of the ball.
-const OUTSIDE: f64 = 9.0;
+const OUTSIDE: f64 = 4.0;
+/// The normal distribution by a logistic function of an odd polynomial (Page 1977).
+const NORMAL: [f64; 2] = [1.5976, 0.070_565_992];
+/// Height of the normal density.
+const DENSITY: f64 = 0.398_942_280_401_432_7;
 
 pub(crate) type Vector = SVector<f64, SIZE>;
 type Matrix = SMatrix<f64, SIZE, SIZE>;
@@ -102,16 +109,17 @@ pub(crate) struct Settled {
     noise_px: f64,
 }
 
-/// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius.
+/// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius, and again with the weights that each fit
+/// gives to the next, so many times.
 ///
 /// `None` where the fit does not settle near its start: what is there is no ball.
 #[must_use]
-pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, refine: bool) -> Option<Ball> {
+pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, again: usize) -> Option<Ball> {
     let start = Start { centre_px: start_px, radius_px, chroma: patch.chroma };
-    let mut fitted = start.settle(patch, &Weights::default(), None)?;
-    if refine {
+    let mut fitted = start.settle(patch, &Weights::default(), None, ROUGH_PX)?;
+    for _ in 0..again {
         let (patch, weights) = refined(patch, &fitted);
-        fitted = start.settle(&patch, &weights, Some(fitted.x)).unwrap_or(fitted);
+        fitted = start.settle(&patch, &weights, Some(fitted.x), FINE_PX).unwrap_or(fitted);
     }
     let std_px = fitted.noise_px.hypot(RESPONSE_STD_PX);
     Some(Ball { centre_px: fitted.x.fixed_rows::<2>(0).into(), std_px, radius_px: fitted.x[2] })
@@ -125,7 +133,7 @@ struct Start {
 }
 
 impl Start {
-    fn settle(&self, patch: &Patch, weights: &Weights, from: Option<Vector>) -> Option<Settled> {
+    fn settle(&self, patch: &Patch, weights: &Weights, from: Option<Vector>, smallest_px: f64) -> Option<Settled> {
         let mut prior = Vector::zeros();
         prior.fixed_rows_mut::<3>(0).copy_from_slice(&[self.centre_px.x, self.centre_px.y, self.radius_px]);
         prior.fixed_rows_mut::<2>(BLUR).copy_from_slice(&BLUR_PX);
@@ -137,10 +145,9 @@ impl Start {
 
         let mut x = from.unwrap_or(prior);
         for _ in 0..ITERATIONS {
-            let mut normal =
-                Normal { matrix: Matrix::from_diagonal(&stiffness), vector: stiffness.component_mul(&(prior - x)), ..Normal::default() };
+            let mut normal = Normal { matrix: [[0.0; SIZE]; SIZE], vector: [0.0; SIZE], squares: 0.0, count: 0.0 };
             dispatch!(*LEVEL, simd => add_all(simd, &mut normal, &x, patch, weights));
-            let (step, covariance, misfit) = normal.solve()?;
+            let (step, covariance, misfit) = normal.solve(&stiffness, &(prior - x))?;
             let largest = step.fixed_rows::<3>(0).amax();
             x += step * (2.0 / largest).min(1.0);
             for blur in x.fixed_rows_mut::<2>(BLUR).iter_mut() {
@@ -150,7 +157,7 @@ impl Start {
             if !(moved < 0.5 * self.radius_px + 1.0 && (0.6..1.6).contains(&(x[2] / self.radius_px))) {
                 return None;
             }
-            if largest < 2e-3 {
+            if largest < smallest_px {
                 let noise_px = weights.correlation * (0.5 * misfit.max(1.0) * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
                 return Some(Settled { x, variance: covariance.diagonal(), noise_px });
             }
@@ -170,7 +177,7 @@ pub(crate) struct Told {
     /// The marker's own colour there.
     pub(crate) bright: f64,
     slope: f64,
-    z: f64,
+    t: f64,
     harmonics: [f64; 9],
 }
 
@@ -195,14 +202,14 @@ impl Place {
     /// `None` where the pixel is all background.
     #[inline(always)]
     fn tell(&self, x: &Vector, sample: &Sample, k: usize, gain: f64) -> Option<Told> {
-        let softness = 0.55 * x[BLUR + k];
-        let z = (self.distance / softness).max(-40.0);
-        if z > OUTSIDE {
+        let blur = x[BLUR + k];
+        let t = (self.distance / blur).max(-8.0);
+        if t > OUTSIDE {
             return None;
         }
-        let share = 1.0 / (1.0 + z.exp());
-        // Blur brings the marker's light to a pixel from within the outline: the mean distance over the logistic kernel.
-        let within = softness * (share.ln() + z) / share;
+        let share = 1.0 / (1.0 + (t * (NORMAL[0] + NORMAL[1] * t * t)).exp());
+        // Blur brings the marker's light to a pixel from within the outline: the mean of the distances below 0.
+        let within = (t - DENSITY * (-0.5 * t * t).exp() / share) * blur;
         // The ball's surface normal there, and its products: spherical harmonics up to the second order.
         let inwards = (x[2] + within).max(0.0) / (self.from_centre * x[2]);
         let (nx, ny) = (self.dx * inwards, self.dy * inwards);
@@ -210,35 +217,35 @@ impl Place {
         let harmonics = [1.0, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, 3.0 * nz * nz - 1.0];
         let brightness: f64 = harmonics.iter().enumerate().map(|(i, h)| h * x[BRIGHTNESS + i]).sum();
         let bright = gain * brightness;
-        let contrast = bright - sample.background[k];
-        let miss = sample.colour[k] - sample.background[k] - share * contrast;
-        Some(Told { miss, share, contrast, bright, slope: -share * (1.0 - share) / softness * contrast, z, harmonics })
+        let contrast = bright - sample.background;
+        let miss = sample.colour - sample.background - share * contrast;
+        let slope = -share * (1.0 - share) * (NORMAL[0] + 3.0 * NORMAL[1] * t * t) / blur * contrast;
+        Some(Told { miss, share, contrast, bright, slope, t, harmonics })
     }
 }
 
 /// Residuals of all pixels that tell something of the ball.
 pub(crate) fn residuals<'p>(patch: &'p Patch, x: &'p Vector) -> impl Iterator<Item = Residual<'p>> {
-    patch.samples.iter().filter_map(|sample| {
-        let place = Place::of(x, sample);
-        let [chroma, luma] = [0, 1].map(|k| place.tell(x, sample, k, [1.0, patch.luma_per_chroma][k]));
-        Some(Residual { sample, told: [chroma?, luma?] })
+    let [chroma, luma] = &patch.samples;
+    chroma.iter().zip(luma).filter_map(|(chroma, luma)| {
+        let place = Place::of(x, chroma);
+        Some(Residual { sample: chroma, told: [place.tell(x, chroma, CHROMA, 1.0)?, place.tell(x, luma, LUMA, patch.luma_per_chroma)?] })
     })
 }
 
 /// Normal equations of one Gauss-Newton step.
-#[derive(Default)]
 struct Normal {
-    matrix: Matrix,
-    vector: Vector,
+    matrix: [[f64; SIZE]; SIZE],
+    vector: [f64; SIZE],
     squares: f64,
     count: f64,
 }
 
 #[inline(always)]
 fn add_all<S: Simd>(_: S, normal: &mut Normal, x: &Vector, patch: &Patch, weights: &Weights) {
-    for sample in &patch.samples {
-        let place = Place::of(x, sample);
-        for (k, gain) in [1.0, patch.luma_per_chroma].into_iter().enumerate() {
+    for (k, gain) in [(CHROMA, 1.0), (LUMA, patch.luma_per_chroma)] {
+        for sample in &patch.samples[k] {
+            let place = Place::of(x, sample);
             if let Some(told) = place.tell(x, sample, k, gain) {
                 normal.add(x, sample, &place, &told, weights, k, gain);
             }
@@ -250,9 +257,9 @@ impl Normal {
     #[inline(always)]
     #[allow(clippy::too_many_arguments, reason = "the inner loop: what it needs is at hand in registers")]
     fn add(&mut self, x: &Vector, sample: &Sample, place: &Place, told: &Told, weights: &Weights, k: usize, gain: f64) {
-        let &Told { miss, share, contrast, bright, slope, z, ref harmonics } = told;
+        let &Told { miss, share, contrast, bright, slope, t, ref harmonics } = told;
         let variance = weights.noise[k].powi(2)
-            + (1.0 - share).powi(2) * sample.texture[k]
+            + (1.0 - share).powi(2) * sample.texture
             + (weights.edge[k] * 4.0 * share * (1.0 - share) * contrast).powi(2)
             + (weights.inside[k] * share * bright).powi(2);
         let [stretched_x, stretched_y] = place.stretched;
@@ -262,7 +269,7 @@ impl Normal {
         row[2] = -slope;
         row[3] = slope * (stretched_x * place.dx - stretched_y * place.dy) / place.from_centre;
         row[4] = slope * (stretched_x * place.dy + stretched_y * place.dx) / place.from_centre;
-        row[BLUR + k] = -slope * z * 0.55;
+        row[BLUR + k] = -slope * t;
         for (entry, harmonic) in row[BRIGHTNESS..].iter_mut().zip(harmonics) {
             *entry = gain * share * harmonic;
         }
@@ -272,16 +279,17 @@ impl Normal {
         for i in 0..SIZE {
             let weighted = weight * row[i];
             self.vector[i] += weighted * miss;
-            for (entry, value) in self.matrix.column_mut(i).iter_mut().zip(&row) {
-                *entry += weighted * value;
+            for j in 0..SIZE {
+                self.matrix[i][j] += weighted * row[j];
             }
         }
     }
 
-    /// The step, the covariance and the mean squared residual.
-    fn solve(&self) -> Option<(Vector, Matrix, f64)> {
-        let covariance = self.matrix.cholesky()?.inverse();
-        let step = covariance * self.vector;
+    /// The step, the covariance and the mean squared residual, where a prior of this stiffness is so far away.
+    fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Matrix, f64)> {
+        let matrix = Matrix::from_fn(|i, j| self.matrix[i][j]) + Matrix::from_diagonal(stiffness);
+        let covariance = matrix.cholesky()?.inverse();
+        let step = covariance * (Vector::from(self.vector) + stiffness.component_mul(to_prior));
         step.iter().all(|v| v.is_finite()).then_some((step, covariance, self.squares / self.count))
     }
 }

@@ -7,6 +7,7 @@ pub mod batches;
 pub mod bits;
 pub mod centre;
 pub mod colour;
+pub mod frame;
 pub mod interpolate;
 pub mod lock;
 pub mod look;
@@ -29,7 +30,7 @@ use std::time::Instant;
 use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::{MotorSource, Recording, Side, topics};
+use raven::log::{MotorSource, Recording, Side, Stamp, topics};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
@@ -75,7 +76,7 @@ pub struct Args {
     /// Which centre to take: of a ball fitted to the colours, or of the contour.
     #[arg(long, value_enum, default_value_t = Centre::Ball)]
     pub centre: Centre,
-    /// Fit every ball a second time, with weights from the first: better by a third on raw frames, not on compressed ones.
+    /// Fit every ball until the weights of its pixels settle: slower, a little better.
     #[arg(long, conflicts_with = "centre")]
     pub refine: bool,
     /// Standard deviation of the frames' stamps [s]; by default what the stamps themselves show.
@@ -131,7 +132,12 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
     let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
     let bar = cli::progress(frames[0] + frames[1], "tracking");
-    let counts = batches::for_each(&args.log, &cameras, pair_within_s, |step| {
+    // Most of a frame is never looked at; where the motors do not say what is, all of it may be.
+    let part = |side: Side, stamp: Stamp| {
+        let expected = predict::view(&cameras, side, &predictor.tip(stamp)?)?;
+        Some(look::likely_part(&expected, args.marker_radius))
+    };
+    let counts = batches::for_each(&args.log, &cameras, pair_within_s, part, |step| {
         tracker.step(step);
         bar.inc(step.iter().flatten().count() as u64);
     })?;

@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | [`Centre::Contour`] | centroid by the outline's moments, the paper's | [`CONTOUR_STD_PX`] |
 //! | [`Centre::Ball`] | a shaded ball fitted to the colours, see [`crate::centre`] | the fit's, mostly 0.03 to 0.10 px |
-//! | [`Centre::Refined`] | the same, fitted again with weights that the first fit's residuals give | the fit's |
+//! | [`Centre::Refined`] | the same, the weights of its pixels taken from the residuals until they settle | the fit's |
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel.
 
@@ -66,7 +66,7 @@ pub enum Centre {
     Ball,
     /// Centroid of the mask's outline: the paper's.
     Contour,
-    /// Of a ball fitted twice, see `--refine`.
+    /// Of a ball whose weights have settled, see `--refine`.
     #[value(skip)]
     Refined,
 }
@@ -91,6 +91,8 @@ pub struct Blob {
 /// Standard deviation per axis of a contour's centroid [px]. On rendered balls 0.12 px under even light and 0.19 px with JPEG
 /// compression; 0.20 to 0.33 px under light from one side, which shifts the contour.
 pub const CONTOUR_STD_PX: f64 = 0.30;
+/// How often a refined fit takes new weights: they settle after two or three times.
+const REFINED: usize = 4;
 /// Fewest pixels that a ball is fitted to: a radius of 3 px.
 const FEWEST_PX: f64 = 28.0;
 
@@ -125,8 +127,9 @@ impl<'i> Blobs<'i> {
         if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
             return contour;
         }
+        let again = if kind == Centre::Refined { REFINED } else { 1 };
         let patch = Patch::cut(self.image, self.region, &self.mask, blob.bounds);
-        patch.and_then(|patch| centre::fit(&patch, blob.contour_px, disc_px, kind == Centre::Refined)).unwrap_or(contour)
+        patch.and_then(|patch| centre::fit(&patch, blob.contour_px, disc_px, again)).unwrap_or(contour)
     }
 }
 

@@ -21,7 +21,7 @@ const WINDOW_PX: i32 = 3;
 const FEWEST: f64 = 6.0;
 /// Pixels of background within the window of a pixel at the edge, about.
 const NEARBY: f64 = 20.0;
-const LUMA: Vector3<f64> = Vector3::new(0.299, 0.587, 0.114);
+const LUMA_OF_RGB: Vector3<f64> = Vector3::new(0.299, 0.587, 0.114);
 
 /// Pixels of a mask that an outline spans, ends included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,26 +36,31 @@ pub struct Bounds {
     pub bottom: i32,
 }
 
-/// One pixel, coordinates chroma and luma in grey levels.
+/// One pixel, in chroma or in luma.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
     /// Column in the image.
     pub u: f64,
     /// Row in the image.
     pub v: f64,
-    /// Its colour.
-    pub colour: [f64; 2],
-    /// Mean colour of the background nearby.
-    pub background: [f64; 2],
+    /// What is seen, grey levels.
+    pub colour: f64,
+    /// Mean of the background nearby.
+    pub background: f64,
     /// Variance of the background nearby.
-    pub texture: [f64; 2],
+    pub texture: f64,
 }
+
+/// Chroma or luma.
+pub const CHROMA: usize = 0;
+/// See [`CHROMA`].
+pub const LUMA: usize = 1;
 
 /// A blob with its edge.
 #[derive(Debug, Clone)]
 pub struct Patch {
-    /// Pixels of the blob and its edge.
-    pub samples: Vec<Sample>,
+    /// Chroma and luma of the blob and its edge.
+    pub samples: [Vec<Sample>; 2],
     /// Mean chroma of the marker, grey levels.
     pub chroma: f64,
     /// Luma over chroma of the marker.
@@ -95,14 +100,10 @@ impl Patch {
         let core: Vec<usize> = (0..kinds.len()).filter(|&i| kinds[i] == Kind::Core).collect();
         let inner = core.iter().map(|&i| rgb(i)).sum::<Vector3<f64>>() / core.len() as f64;
         let axis = (inner - Vector3::repeat(inner.mean())).try_normalize(1.0)?;
-        let plane = Plane {
-            width: width as i32,
-            height: height as i32,
-            colour: (0..kinds.len()).map(|i| [rgb(i).dot(&axis), rgb(i).dot(&LUMA)]).collect(),
-            kinds,
-        };
+        let colour = (0..kinds.len()).map(|i| [rgb(i).dot(&axis), rgb(i).dot(&LUMA_OF_RGB)]).collect();
+        let plane = Plane::new(width as i32, height as i32, colour, kinds);
         let everywhere = plane.background(0, 0, plane.width.max(plane.height))?;
-        let mut samples = Vec::with_capacity(plane.kinds.len());
+        let mut samples = [Vec::new(), Vec::new()];
         for (i, &kind) in plane.kinds.iter().enumerate() {
             let (column, row) = (i as i32 % plane.width, i as i32 / plane.width);
             let [background, texture] = match kind {
@@ -111,29 +112,32 @@ impl Patch {
                 Kind::Outside | Kind::Far => continue,
             };
             let (u, v) = (f64::from(x) + f64::from(column), f64::from(y) + f64::from(row));
-            samples.push(Sample { u, v, colour: plane.colour[i], background, texture });
+            for k in [CHROMA, LUMA] {
+                samples[k].push(Sample { u, v, colour: plane.colour[i][k], background: background[k], texture: texture[k] });
+            }
         }
-        Some(Self { samples, chroma: inner.dot(&axis), luma_per_chroma: inner.dot(&LUMA) / inner.dot(&axis), everywhere })
+        Some(Self { samples, chroma: inner.dot(&axis), luma_per_chroma: inner.dot(&LUMA_OF_RGB) / inner.dot(&axis), everywhere })
     }
 }
 
 impl Patch {
     /// The same with `slope` times chroma taken from luma.
     pub(crate) fn without_common(&self, slope: f64) -> Self {
-        let less = |[chroma, luma]: [f64; 2]| [chroma, luma - slope * chroma];
+        let less = |chroma: f64, luma: f64| luma - slope * chroma;
         // Chroma and luma of a texture differ independently: muted colours, patches of light.
-        let variance = |[chroma, luma]: [f64; 2]| [chroma, luma + slope * slope * chroma];
-        let samples = self.samples.iter().map(|sample| Sample {
-            colour: less(sample.colour),
-            background: less(sample.background),
-            texture: variance(sample.texture),
-            ..*sample
+        let variance = |chroma: f64, luma: f64| luma + slope * slope * chroma;
+        let [chroma, luma] = &self.samples;
+        let freed = chroma.iter().zip(luma).map(|(c, l)| Sample {
+            colour: less(c.colour, l.colour),
+            background: less(c.background, l.background),
+            texture: variance(c.texture, l.texture),
+            ..*l
         });
         let [mean, spread] = self.everywhere;
         Self {
-            samples: samples.collect(),
+            samples: [chroma.clone(), freed.collect()],
             luma_per_chroma: self.luma_per_chroma - slope,
-            everywhere: [less(mean), variance(spread)],
+            everywhere: [[mean[0], less(mean[0], mean[1])], [spread[0], variance(spread[0], spread[1])]],
             ..*self
         }
     }
@@ -142,12 +146,12 @@ impl Patch {
     /// pixels is a better one than that nearby.
     pub(crate) fn without_noise(mut self, noise: [f64; 2]) -> Self {
         let [mean, spread] = self.everywhere;
-        for sample in &mut self.samples {
-            for k in 0..2 {
-                sample.texture[k] = (sample.texture[k] - noise[k]).max(0.0);
-                let texture = (spread[k] - noise[k]).max(0.0);
-                let trust = texture / (texture + noise[k] / NEARBY + 1e-9);
-                sample.background[k] = mean[k] + trust * (sample.background[k] - mean[k]);
+        for k in [CHROMA, LUMA] {
+            let spread = (spread[k] - noise[k]).max(0.0);
+            let trust = spread / (spread + noise[k] / NEARBY + 1e-9);
+            for sample in &mut self.samples[k] {
+                sample.texture = (sample.texture - noise[k]).max(0.0);
+                sample.background = mean[k] + trust * (sample.background - mean[k]);
             }
         }
         self
@@ -179,25 +183,41 @@ struct Plane {
     height: i32,
     colour: Vec<[f64; 2]>,
     kinds: Vec<Kind>,
+    /// Over all pixels of the background above and to the left of a corner between pixels.
+    sums: Vec<Sums>,
 }
 
+/// Number of pixels, sums of chroma and luma, and of their squares.
+type Sums = [f64; 5];
+
 impl Plane {
-    /// Mean and variance of the background within `half` of a pixel; `None` if there is too little.
-    fn background(&self, x: i32, y: i32, half: i32) -> Option<[[f64; 2]; 2]> {
-        let (mut count, mut sum, mut squares) = (0.0, [0.0; 2], [0.0; 2]);
-        for row in (y - half).max(0)..=(y + half).min(self.height - 1) {
-            for column in (x - half).max(0)..=(x + half).min(self.width - 1) {
-                let i = (row * self.width + column) as usize;
-                if self.kinds[i] == Kind::Outside {
-                    count += 1.0;
-                    for k in 0..2 {
-                        sum[k] += self.colour[i][k];
-                        squares[k] += self.colour[i][k] * self.colour[i][k];
-                    }
+    fn new(width: i32, height: i32, colour: Vec<[f64; 2]>, kinds: Vec<Kind>) -> Self {
+        let corners = width as usize + 1;
+        let mut sums: Vec<Sums> = vec![[0.0; 5]; corners * (height as usize + 1)];
+        for (row, (kinds, colours)) in kinds.chunks_exact(corners - 1).zip(colour.chunks_exact(corners - 1)).enumerate() {
+            let mut along = [0.0; 5];
+            for (column, (kind, &[c, l])) in kinds.iter().zip(colours).enumerate() {
+                if *kind == Kind::Outside {
+                    along = plus(along, [1.0, c, l, c * c, l * l], 1.0);
                 }
+                sums[(row + 1) * corners + column + 1] = plus(along, sums[row * corners + column + 1], 1.0);
             }
         }
-        let mean = sum.map(|s| s / count);
-        (count >= FEWEST).then(|| [mean, [0, 1].map(|k| (squares[k] / count - mean[k] * mean[k]).max(0.0))])
+        Self { width, height, colour, kinds, sums }
     }
+
+    /// Mean and variance of the background within `half` of a pixel; `None` if there is too little.
+    fn background(&self, x: i32, y: i32, half: i32) -> Option<[[f64; 2]; 2]> {
+        let corner = |x: i32, y: i32| self.sums[(y.clamp(0, self.height) * (self.width + 1) + x.clamp(0, self.width)) as usize];
+        let (left, top, right, bottom) = (x - half, y - half, x + half + 1, y + half + 1);
+        let lower = plus(corner(right, bottom), corner(left, bottom), -1.0);
+        let [count, chroma, luma, chroma2, luma2] = plus(lower, plus(corner(right, top), corner(left, top), -1.0), -1.0);
+        let mean = [chroma / count, luma / count];
+        let variance = [chroma2 / count - mean[0] * mean[0], luma2 / count - mean[1] * mean[1]];
+        (count >= FEWEST).then(|| [mean, variance.map(|v| v.max(0.0))])
+    }
+}
+
+fn plus(a: Sums, b: Sums, factor: f64) -> Sums {
+    std::array::from_fn(|i| a[i] + factor * b[i])
 }

@@ -1,4 +1,4 @@
-//! Weights for a second fit of a ball, from the residuals of the first.
+//! Weights for the next fit of a ball, from the residuals of the one before.
 //!
 //! On raw frames noise is white and the edge is as the model has it: then all of the contrast counts, and the centre comes close to the
 //! Cramer-Rao bound. On compressed frames residuals at the edge are larger and neighbours err together. Both are seen in the residuals:
@@ -9,8 +9,6 @@
 //! | the same at the edge and inside, beyond the noise | what the model misses, over contrast and brightness |
 //! | products of neighbours' residuals | the factor on the standard deviation |
 //! | the coefficients of brightness over their own deviations | how much shade to allow for: none where none is seen |
-
-use std::collections::HashMap;
 
 use crate::centre::{BRIGHTNESS, Settled, Told, Weights, residuals};
 use crate::patch::{Patch, Sample};
@@ -74,15 +72,24 @@ fn robust_mean(values: impl Iterator<Item = f64>) -> f64 {
 
 /// How far the mean of residuals scatters more than that of independent ones, from the correlation of neighbours in a row and in a column.
 fn correlation(all: &[Residual<'_>]) -> f64 {
-    let at = |r: &Residual<'_>, du: f64, dv: f64| ((r.sample.u + du) as i64, (r.sample.v + dv) as i64);
-    let misses: HashMap<(i64, i64), f64> = all.iter().map(|r| (at(r, 0.0, 0.0), r.told[0].miss)).collect();
-    let along = |du: f64, dv: f64| {
-        let pairs = all.iter().filter_map(|r| Some((r.told[0].miss, *misses.get(&at(r, du, dv))?)));
+    let range = |of: fn(&Sample) -> f64| all.iter().map(|r| of(r.sample)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
+    let ((left, right), (top, bottom)) = (range(|s| s.u), range(|s| s.v));
+    if all.is_empty() {
+        return 1.0;
+    }
+    let width = (right - left) as usize + 1;
+    let index = |r: &Residual<'_>| (r.sample.v - top) as usize * width + (r.sample.u - left) as usize;
+    let mut misses = vec![f64::NAN; width * ((bottom - top) as usize + 1)];
+    for r in all {
+        misses[index(r)] = r.told[0].miss;
+    }
+    let along = |step: usize| {
+        let pairs = misses.iter().zip(misses.iter().skip(step)).filter(|(a, b)| a.is_finite() && b.is_finite());
         let (product, square) = pairs.fold((0.0, 1e-12), |(p, s), (a, b)| (p + a * b, s + 0.5 * (a * a + b * b)));
-        let rho: f64 = (product / square).clamp(0.0, 0.7);
+        let rho: f64 = (product / square).clamp(0.0, 0.8);
         (1.0 + rho) / (1.0 - rho)
     };
-    (along(1.0, 0.0) * along(0.0, 1.0)).sqrt()
+    (along(1) * along(width)).sqrt()
 }
 
 /// Standard deviations of the coefficients of brightness of order 1 and 2 over the mean: what is left of their squares beyond their variance.
@@ -92,7 +99,8 @@ fn shade(first: &Settled) -> [f64; 2] {
         let count = range.len() as f64;
         let squares: f64 = range.clone().map(|i| first.x[i].powi(2)).sum::<f64>() / count;
         let own: f64 = range.map(|i| first.variance[i]).sum::<f64>() / count;
-        ((squares - own).max(0.05 * own)).sqrt() / mean
+        // Below twice their own variance they may be nothing but noise.
+        (if squares > 2.0 * own { squares - own } else { 0.02 * own }).sqrt() / mean
     };
     [of(BRIGHTNESS + 1..BRIGHTNESS + 4), of(BRIGHTNESS + 4..BRIGHTNESS + 9)]
 }

@@ -1,6 +1,6 @@
 //! An exact renderer of one ball before an even background, and the Cramer-Rao bound of its centre.
 //!
-//! Light is added up over 8 x 8 points of a pixel, blurred by a Gaussian before, in grey levels: no model of an edge is involved. The bound
+//! Light is added up over 5 x 5 points of a pixel, blurred by a Gaussian before, in grey levels: no model of an edge is involved. The bound
 //! is that of all the renderer's parameters together, its derivatives taken numerically.
 
 use image::{Rgb, RgbImage};
@@ -9,9 +9,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 /// Points per pixel and direction.
-const FINE: usize = 8;
+const FINE: usize = 5;
 /// Side of the image [px].
-pub const SIDE: usize = 56;
+pub const SIDE: usize = 64;
 
 /// What is drawn.
 #[derive(Debug, Clone, Copy)]

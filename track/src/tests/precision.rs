@@ -5,32 +5,43 @@ use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use raven::log::{CameraFrame, FrameData, Side, Stamp};
 
 use super::exact::{Drawn, SIDE};
 use crate::colour::MarkerColour;
 use crate::marker::{Blobs, Centre};
 
-const TRIALS: usize = 150;
+const TRIALS: u64 = 100;
 
 /// RMS error per axis [px] of a kind of centre over many places in the pixel grid.
-fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) -> RgbImage) -> Vec<f64> {
-    let mut rng = ChaCha8Rng::seed_from_u64(2017);
-    let mut sums = vec![0.0; kinds.len()];
-    for _ in 0..TRIALS {
-        let shift = Vector2::new(rng.random_range(-0.5..0.5), rng.random_range(-0.5..0.5));
+fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) -> RgbImage + Sync) -> Vec<f64> {
+    let one = |seed| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let shift = Vector2::new(rng.random_range(-8.0..8.0), rng.random_range(-8.0..8.0));
         let here = Drawn { centre: drawn.centre + shift, ..drawn };
         let image = sent(here.photograph(noise, &mut rng));
         let blobs = Blobs::find(&image, None, &MarkerColour::default());
-        for (sum, kind) in sums.iter_mut().zip(kinds) {
-            *sum += (blobs.centre(&blobs.found[0], *kind).centre_px - here.centre).norm_squared();
-        }
-    }
-    sums.into_iter().map(|sum| (sum / (2.0 * TRIALS as f64)).sqrt()).collect()
+        kinds.iter().map(|kind| (blobs.centre(&blobs.found[0], *kind).centre_px - here.centre).norm_squared()).collect::<Vec<f64>>()
+    };
+    let squares: Vec<Vec<f64>> = (0..TRIALS).into_par_iter().map(one).collect();
+    (0..kinds.len()).map(|k| (squares.iter().map(|s| s[k]).sum::<f64>() / (2.0 * TRIALS as f64)).sqrt()).collect()
 }
 
-/// Through a webcam's JPEG file.
-fn compressed(image: RgbImage, quality: u8, sampling: SamplingFactor) -> RgbImage {
+/// Through a webcam's JPEG file, a sample of chroma for so many columns and rows.
+fn compressed(mut image: RgbImage, quality: u8, sampling: SamplingFactor) -> RgbImage {
+    let (across, down) = (2, if matches!(sampling, SamplingFactor::F_2_2) { 2 } else { 1 });
+    // The encoder takes the chroma of one pixel: all of them get their mean first, as a camera sends it.
+    for (x, y) in (0..SIDE as u32).step_by(down).flat_map(|y| (0..SIDE as u32).step_by(across).map(move |x| (x, y))) {
+        let block = || (0..down as u32).flat_map(|v| (0..across as u32).map(move |u| (x + u, y + v)));
+        let luma = |rgb: Vector3<f64>| rgb.dot(&Vector3::new(0.299, 0.587, 0.114));
+        let at = |image: &RgbImage, (u, v)| Vector3::from(image.get_pixel(u, v).0.map(f64::from));
+        let mean = block().map(|p| at(&image, p)).sum::<Vector3<f64>>() / (across * down) as f64;
+        for p in block() {
+            let own = mean + Vector3::repeat(luma(at(&image, p)) - luma(mean));
+            image.get_pixel_mut(p.0, p.1).0 = own.map(|v| v.round().clamp(0.0, 255.0) as u8).into();
+        }
+    }
     let mut jpeg = Vec::new();
     let mut encoder = Encoder::new(&mut jpeg, quality);
     encoder.set_sampling_factor(sampling);
@@ -50,6 +61,7 @@ const KINDS: [Centre; 3] = [Centre::Contour, Centre::Ball, Centre::Refined];
 
 #[test]
 fn raw_frames_come_near_the_bound() {
+    let mut beyond = Vec::new();
     for light in [Vector3::zeros(), Vector3::new(-0.2, -0.5, -0.4)] {
         for (radius_px, noise) in [(5.0, 2.0), (5.0, 5.0), (8.0, 2.0), (8.0, 5.0), (12.0, 2.0), (12.0, 5.0)] {
             let drawn = Drawn { light, ..Drawn::disc(radius_px) };
@@ -64,20 +76,27 @@ fn raw_frames_come_near_the_bound() {
                 refined / bound
             );
             eprintln!("{case}");
-            assert!(ball <= 1.8 * bound && refined <= 1.2 * bound, "{case}");
+            if ball > 1.8 * bound || refined > 1.2 * bound {
+                beyond.push(case);
+            }
         }
     }
+    assert!(beyond.is_empty(), "{beyond:#?}");
 }
 
 #[test]
 fn compressed_frames_stay_within_three_hundredths_of_a_pixel() {
+    let mut beyond = Vec::new();
     for sampling in [SamplingFactor::F_2_1, SamplingFactor::F_2_2] {
         for radius_px in [5.0, 8.0, 12.0] {
             let all = rms_px(Drawn::disc(radius_px), 3.0, &KINDS, |image| compressed(image, 85, sampling));
             let [contour, ball, refined] = all.try_into().unwrap();
             let case = format!("{sampling:?}, radius {radius_px} px: contour {contour:.4}, ball {ball:.4}, refined {refined:.4} px");
             eprintln!("{case}");
-            assert!(ball <= 0.03, "{case}");
+            if ball > 0.03 {
+                beyond.push(case);
+            }
         }
     }
+    assert!(beyond.is_empty(), "{beyond:#?}");
 }
