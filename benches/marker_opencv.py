@@ -19,7 +19,7 @@ import time
 import cv2
 import numpy as np
 
-FRAMES, RUNS, WIDTH, HEIGHT = 12, 7, 640, 480
+FRAMES, RUNS, WIDTH, HEIGHT = 12, 5, 640, 480
 KERNEL = np.ones((3, 3), np.uint8)
 
 

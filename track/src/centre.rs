@@ -116,7 +116,8 @@ pub(crate) struct Settled {
 #[must_use]
 pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, again: usize) -> Option<Ball> {
     let start = Start { centre_px: start_px, radius_px, chroma: patch.chroma };
-    let mut fitted = start.settle(patch, &Weights::default(), None, ROUGH_PX)?;
+    // The first only gives weights and a place to go on from: every other pixel, as on a chessboard, tells enough.
+    let mut fitted = start.settle(&patch.chessboard(), &Weights::default(), None, ROUGH_PX)?;
     for _ in 0..again {
         let (patch, weights) = refined(patch, &fitted);
         fitted = start.settle(&patch, &weights, Some(fitted.x), FINE_PX).unwrap_or(fitted);

@@ -25,9 +25,11 @@ pub mod tracker;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use clap::Parser;
+use nalgebra::Vector3;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::{MotorSource, Recording, Side, Stamp, topics};
@@ -133,12 +135,15 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
     let bar = cli::progress(frames[0] + frames[1], "tracking");
     // Most of a frame is never looked at; where the motors do not say what is, all of it may be.
+    let offset_m = Mutex::new(Vector3::zeros());
     let part = |side: Side, stamp: Stamp| {
-        let expected = predict::view(&cameras, side, &predictor.tip(stamp)?)?;
+        let offset_m = *offset_m.lock().unwrap_or_else(PoisonError::into_inner);
+        let expected = predict::view(&cameras, side, &(predictor.tip(stamp)? + offset_m))?;
         Some(look::likely_part(&expected, args.marker_radius))
     };
     let counts = batches::for_each(&args.log, &cameras, pair_within_s, part, |step| {
         tracker.step(step);
+        *offset_m.lock().unwrap_or_else(PoisonError::into_inner) = tracker.offset_m();
         bar.inc(step.iter().flatten().count() as u64);
     })?;
     bar.finish_and_clear();

@@ -19,8 +19,9 @@ pub const REGION_PX: f64 = 100.0;
 const FIRST_REGION_PX: f64 = 300.0;
 /// The region is at least so many radii of the marker wide.
 const REGION_RADII: f64 = 8.0;
-/// What is decoded of a frame reaches so far beyond the smallest region, as the tip is not quite where the motors put it [px].
-const BEYOND_PX: f64 = 50.0;
+/// What is decoded of a frame reaches so far beyond the smallest region, as it is decoded a batch ahead and the tip's difference from where
+/// the motors put it changes [px].
+const BEYOND_PX: f64 = 16.0;
 /// What is flatter or less like an ellipse is no ball, even in motion.
 const MIN_ASPECT: f64 = 0.6;
 const MIN_FILL: f64 = 0.9;

@@ -121,6 +121,12 @@ impl Patch {
 }
 
 impl Patch {
+    /// Every other pixel of it.
+    pub(crate) fn chessboard(&self) -> Self {
+        let white = |samples: &Vec<Sample>| samples.iter().filter(|s| (s.u + s.v) as i64 % 2 == 0).copied().collect();
+        Self { samples: self.samples.each_ref().map(white), ..*self }
+    }
+
     /// The same with `slope` times chroma taken from luma.
     pub(crate) fn without_common(&self, slope: f64) -> Self {
         let less = |chroma: f64, luma: f64| luma - slope * chroma;

@@ -96,6 +96,12 @@ impl<'a> Tracker<'a> {
         }
     }
 
+    /// By how much the tip differs from where the motors put it, as last seen [m, frame 0].
+    #[must_use]
+    pub fn offset_m(&self) -> Vector3<f64> {
+        self.lock.offset_m()
+    }
+
     /// What was seen, left and right, and the number of frames at whose time the log has no motor angles.
     #[must_use]
     pub fn finish(self) -> ([Vec<Record>; 2], usize) {

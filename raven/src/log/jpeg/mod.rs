@@ -144,7 +144,7 @@ impl<'a> Header<'a> {
     }
 
     #[inline(always)]
-    fn planes<S: Simd>(&self, _: S, part: &Part) -> Option<Planes> {
+    fn planes<S: Simd>(&self, simd: S, part: &Part) -> Option<Planes> {
         let ratio = self.components[0].blocks;
         let unit = ratio.map(|blocks| 8 * blocks);
         // Chroma is interpolated from a sample beyond either end.
@@ -180,8 +180,8 @@ impl<'a> Header<'a> {
                         scan.waves(&component.waves, &component.steps, &mut block)?;
                         let left = 8 * ((x - across.start) * blocks_across + u) as usize;
                         let top = 8 * ((y - down.start) * blocks_down + v) as usize;
-                        let values = transform::inverse_cosine(&block);
-                        let lines = samples[i].chunks_exact_mut(widths[i]).skip(top);
+                        let values = transform::inverse_cosine(simd, &block);
+                        let lines = samples[i].get_mut(top * widths[i]..)?.chunks_exact_mut(widths[i]);
                         for (line, values) in lines.zip(values.as_chunks::<8>().0) {
                             line.get_mut(left..left + 8)?.copy_from_slice(values);
                         }
