@@ -140,13 +140,19 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
         centre: Centre::Ball,
     };
     let mut gathered = Gathered::default();
-    let counts = batches::for_each(&args.log, &cameras, f64::INFINITY, |_, _| None, |frames| {
-        if let [Some(left), Some(right)] = frames
-            && stop.holds_at(left.stamp().seconds_since(recording.start))
-        {
-            gathered.add(&cameras, &marker, [&left.whole(), &right.whole()]);
-        }
-    })?;
+    let counts = batches::for_each(
+        &args.log,
+        &cameras,
+        f64::INFINITY,
+        |_, _| None,
+        |frames| {
+            if let [Some(left), Some(right)] = frames
+                && stop.holds_at(left.stamp().seconds_since(recording.start))
+            {
+                gathered.add(&cameras, &marker, [&left.whole(), &right.whole()]);
+            }
+        },
+    )?;
     stop.check(&args.log, gathered.frames())?;
     let place = the_marker(&args.log, &gathered)?;
     let rotation = mount.base_from_left;

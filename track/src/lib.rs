@@ -150,18 +150,19 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let (records, without_motor) = tracker.finish();
     let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), &records, args.stamp_jitter);
     let contents = output::Contents { tips: &tips.tips, records: &records, robot: &robot_text, cameras: &cameras_text };
-    let report = Report::new(&tips, counts, without_motor, 0.0);
+    let report = Report::new(&tips, &records, counts, without_motor, 0.0);
     if report.seen == 0 {
         return Err(never_seen(&args, &records, counts.undecodable));
     }
     output::write(&args.log, &args.output, contents)?;
+    let seconds = started.elapsed().as_secs_f64();
 
-    let report = Report::new(&tips, counts, without_motor, started.elapsed().as_secs_f64());
+    let report = Report { seconds, pairs_per_second: report.pairs as f64 / seconds.max(1e-9), ..report };
     write!(out, "{report}").map_err(|e| Error::io(Path::new("-"), "write", e))?;
     if let Some(json) = &args.json {
         cli::write_json(json, &report)?;
     }
-    Ok(if counts.undecodable > 0 { Outcome::DataLost } else { Outcome::Done })
+    Ok(if report.has_lost_data() { Outcome::DataLost } else { Outcome::Done })
 }
 
 /// Number of frames, left and right.

@@ -2,14 +2,29 @@
 
 use std::fmt;
 
-use raven::log::TipStatus;
+use raven::log::{Side, TipStatus};
 use serde::Serialize;
 
 use crate::batches::Counts;
 use crate::tips::Tips;
+use crate::tracker::Record;
+
+/// A camera that sent nothing for longer than this is reported [s].
+const MISSING_S: f64 = 1.0;
+
+/// A time without frames of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Missing {
+    /// Which camera.
+    pub camera: Side,
+    /// Since the first frame of the recording [s].
+    pub from_s: f64,
+    /// How long [s].
+    pub seconds: f64,
+}
 
 /// The result of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// Left frames, each with a tip observation.
     pub pairs: usize,
@@ -29,16 +44,20 @@ pub struct Report {
     pub stamp_jitter_s: [f64; 2],
     /// Frames that were cut off or could not be decoded.
     pub frames_undecodable: usize,
+    /// Frames of another size than was calibrated.
+    pub frames_other_size: usize,
     /// Frames left out as their stamp was not after that of the frame before.
     pub frames_out_of_order: usize,
     /// Frames at whose time the log has no motor angles.
     pub frames_without_motor: usize,
+    /// When a camera sent nothing that could be used.
+    pub missing: Vec<Missing>,
 }
 
 impl Report {
     /// Of the observations and what was counted on the way.
     #[must_use]
-    pub fn new(tips: &Tips, counts: Counts, frames_without_motor: usize, seconds: f64) -> Self {
+    pub fn new(tips: &Tips, records: &[Vec<Record>; 2], counts: Counts, frames_without_motor: usize, seconds: f64) -> Self {
         let count = |status| tips.tips.iter().filter(|tip| tip.status == status).count();
         Self {
             pairs: tips.tips.len(),
@@ -51,9 +70,30 @@ impl Report {
             stamp_jitter_s: tips.jitter_s,
             frames_undecodable: counts.undecodable,
             frames_out_of_order: counts.out_of_order,
+            frames_other_size: counts.other_size,
             frames_without_motor,
+            missing: missing(records),
         }
     }
+
+    /// Whether some of the recording could not be used.
+    #[must_use]
+    pub const fn has_lost_data(&self) -> bool {
+        self.frames_undecodable > 0 || self.frames_other_size > 0
+    }
+}
+
+/// Long times without frames, within the time that the two cameras recorded.
+fn missing(records: &[Vec<Record>; 2]) -> Vec<Missing> {
+    let stamps = || records.iter().flatten().map(|record| record.stamp);
+    let (Some(first), Some(last)) = (stamps().min(), stamps().max()) else { return Vec::new() };
+    let of = |camera: Side| {
+        let own = records[camera as usize].iter().map(|record| record.stamp);
+        let times: Vec<f64> = [first].into_iter().chain(own).chain([last]).map(|stamp| stamp.seconds_since(first)).collect();
+        let steps = times.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).filter(|(_, seconds)| *seconds > MISSING_S);
+        steps.map(|(from_s, seconds)| Missing { camera, from_s, seconds }).collect::<Vec<Missing>>()
+    };
+    Side::BOTH.into_iter().flat_map(of).collect()
 }
 
 impl fmt::Display for Report {
@@ -68,12 +108,16 @@ impl fmt::Display for Report {
         writeln!(f, "stamp jitter      {:6.2} ms left, {:.2} ms right", 1e3 * left, 1e3 * right)?;
         for (name, count) in [
             ("undecodable", self.frames_undecodable),
+            ("of another size", self.frames_other_size),
             ("out of order", self.frames_out_of_order),
             ("without motors", self.frames_without_motor),
         ] {
             if count > 0 {
                 writeln!(f, "frames {name:15} {count}")?;
             }
+        }
+        for Missing { camera, from_s, seconds } in &self.missing {
+            writeln!(f, "no {:5} frames   {seconds:6.1} s from {from_s:.1} s on", camera.name())?;
         }
         writeln!(f, "time              {:6.1} s, {:.0} pairs/s", self.seconds, self.pairs_per_second)
     }

@@ -57,8 +57,7 @@ impl Drawn {
         let sigma = self.blur_px * FINE as f64;
         let taps = FINE + 2 * margin;
         let gauss = |d: f64| (-0.5 * (d / sigma).powi(2)).exp();
-        let kernel: Vec<f64> =
-            (0..taps).map(|i| (0..FINE).map(|j| gauss(i as f64 - margin as f64 - j as f64)).sum()).collect();
+        let kernel: Vec<f64> = (0..taps).map(|i| (0..FINE).map(|j| gauss(i as f64 - margin as f64 - j as f64)).sum()).collect();
         let total: f64 = kernel.iter().sum();
         let rows: Vec<Vec<[f64; 2]>> = (0..fine)
             .map(|y| {
@@ -105,7 +104,13 @@ impl Drawn {
         let p = self.parameters();
         let columns: Vec<Vec<f64>> = (0..p.len())
             .map(|i| {
-                let step = if i < 4 { 0.02 } else if i < 10 { 1.0 } else { 0.02 };
+                let step = if i < 4 {
+                    0.02
+                } else if i < 10 {
+                    1.0
+                } else {
+                    0.02
+                };
                 let moved = |by: f64| {
                     let mut q = p.clone();
                     q[i] += by;

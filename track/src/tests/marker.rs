@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use raven::camera::Pinhole;
 
 use super::scene::Scene;
-use crate::colour::MarkerColour;
 use crate::centre::Ball;
+use crate::colour::MarkerColour;
 use crate::marker::{Blob, Blobs, Centre, Region};
 
 fn small_camera() -> Pinhole {
@@ -92,7 +92,9 @@ fn the_ball_is_found_where_it_is_and_as_well_as_it_says() {
                  variance, {beyond} beyond three sigma, radius {radius:.2}"
             );
             eprintln!("{case}");
-            assert!(error < limit_px && error < contour / 2.0, "{case}");
+            // A response that is not linear bends the shade of a matt sphere.
+            let better = if gamma == 1.0 { 2.0 } else { 1.7 };
+            assert!(error < limit_px && error < contour / better, "{case}");
             assert!((0.2..2.0).contains(&normalised) && beyond <= 4, "{case}");
             assert!((radius - radius_px).abs() < 0.2, "{case}");
         }

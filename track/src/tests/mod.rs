@@ -4,4 +4,5 @@ mod exact;
 mod marker;
 mod opencv;
 mod precision;
+mod recordings;
 mod scene;
