@@ -55,7 +55,7 @@ impl Bits {
     #[must_use]
     pub fn get(&self, x: i32, y: i32) -> bool {
         let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return false };
-        x < self.width && self.row(y).get(x / WORD).is_some_and(|word| word >> (x % WORD) & 1 == 1)
+        x < self.width && self.row(y).get(x / WORD).is_some_and(|word| (word >> (x % WORD)) & 1 == 1)
     }
 
     /// Words of a row; none where there is no such row.
@@ -76,7 +76,7 @@ impl Bits {
         for (y, row) in (top..).zip(part.rows_mut()) {
             for (x, word) in (left..).step_by(WORD).zip(row) {
                 let white = (0..WORD as i32).filter(|&i| self.get(x + i, y));
-                *word = white.fold(0, |word, i| word | 1 << i);
+                *word = white.fold(0, |word, i| word | (1 << i));
             }
         }
         part.blacken_beyond();
@@ -142,7 +142,7 @@ impl Bits {
             if row.iter().any(|&word| word != 0) {
                 self.fringe(row, beyond, &mut fringed);
                 for (out, &[before, here, after]) in out.iter_mut().zip(fringed.array_windows()) {
-                    let (left, right) = (here << 1 | before >> (WORD - 1), here >> 1 | after << (WORD - 1));
+                    let (left, right) = ((here << 1) | (before >> (WORD - 1)), (here >> 1) | (after << (WORD - 1)));
                     *out = combine(combine(left, here), right);
                 }
             }
@@ -168,7 +168,7 @@ impl Bits {
         let used = (self.width - 1) % WORD + 1;
         let (first, last) = (row.first().copied().unwrap_or(0), row.last().copied().unwrap_or(0));
         let [left, right] = match beyond {
-            Beyond::Same => [first & 1, last >> (used - 1) & 1].map(|bit| bit.wrapping_neg()),
+            Beyond::Same => [first & 1, (last >> (used - 1)) & 1].map(|bit| bit.wrapping_neg()),
             Beyond::White => [u64::MAX; 2],
             Beyond::Black => [0; 2],
         };
@@ -193,8 +193,8 @@ impl Bits {
 
 /// White pixels among each pixel of the middle word and two to either side.
 const fn among_five([before, here, after]: [u64; 3]) -> Count {
-    let (left2, left1) = (here << 2 | before >> (WORD - 2), here << 1 | before >> (WORD - 1));
-    let (right1, right2) = (here >> 1 | after << (WORD - 1), here >> 2 | after << (WORD - 2));
+    let (left2, left1) = ((here << 2) | (before >> (WORD - 2)), (here << 1) | (before >> (WORD - 1)));
+    let (right1, right2) = ((here >> 1) | (after << (WORD - 1)), (here >> 2) | (after << (WORD - 2)));
     let (three, carry3) = add3(left2, left1, here);
     let (ones, carry5) = add3(three, right1, right2);
     [ones, carry3 ^ carry5, carry3 & carry5]

@@ -17,6 +17,10 @@ use entropy::{Huffman, Scan};
 
 static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
 
+/// Huffman tables by their number.
+type Tables = [Option<Huffman>; 4];
+const NO_TABLES: Tables = [const { None }; 4];
+
 /// A rectangle of a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
@@ -73,7 +77,8 @@ struct Planes {
 impl<'a> Header<'a> {
     fn read(bytes: &'a [u8]) -> Option<Self> {
         let mut rest = bytes.strip_prefix(&[0xFF, 0xD8])?;
-        let (mut steps, mut means, mut waves): ([Option<[u16; 64]>; 4], [Option<Huffman>; 4], [Option<Huffman>; 4]) = Default::default();
+        let mut steps: [Option<[u16; 64]>; 4] = [None; 4];
+        let (mut means, mut waves) = (NO_TABLES, NO_TABLES);
         let (mut frame, mut restart_interval) = (None, 0);
         loop {
             let [0xFF, kind, after @ ..] = rest else { return None };
@@ -113,7 +118,7 @@ impl<'a> Header<'a> {
                     let component = |i: usize| {
                         let &[id, sampling, table] = components.as_chunks::<3>().0.get(i)?;
                         let &[selected, tables] = selectors.as_chunks::<2>().0.get(i)?;
-                        let huffman = |tables: &[Option<Huffman>; 4], index: u8| tables.get(usize::from(index))?.clone();
+                        let huffman = |tables: &Tables, index: u8| tables.get(usize::from(index))?.clone();
                         (id == selected).then_some(())?;
                         Some(Component {
                             id,
@@ -245,7 +250,7 @@ impl Planes {
             }
             _ => {
                 let last = self.chroma_size[1] - 1;
-                let other = if y % 2 == 0 { here.saturating_sub(1) } else { (here + 1).min(last) };
+                let other = if y.is_multiple_of(2) { here.saturating_sub(1) } else { (here + 1).min(last) };
                 let both = line(here).iter().zip(line(other)).take(within);
                 weighted.extend(both.map(|(&near, &far)| 3 * i32::from(near) + i32::from(far)));
                 transform::double(weighted, 4, out);

@@ -21,7 +21,7 @@ type Lanes = [i32; 8];
 #[inline(always)]
 pub(super) fn inverse_cosine<S: Simd>(simd: S, block: &[i32; 64]) -> [u8; 64] {
     if block[1..].iter().fold(0, |any, value| any | value) == 0 {
-        return [((block[0] + 4 >> 3) + 128).clamp(0, 255) as u8; 64];
+        return [(((block[0] + 4) >> 3) + 128).clamp(0, 255) as u8; 64];
     }
     let mut lines = [[0; 8]; 8];
     for (line, row) in lines.iter_mut().zip(block.as_chunks::<8>().0) {
