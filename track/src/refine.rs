@@ -17,8 +17,8 @@ use crate::patch::{Patch, Sample};
 const ROUNDING: f64 = 0.289;
 /// A pixel with less of the marker than this, or of the background, is away from the edge.
 const AWAY: f64 = 0.02;
-/// Where a residual ceases to count by its square: 95 % efficient where noise is normal, and a shaft or a highlight weighs little.
-const HUBER: f64 = 1.345;
+/// Where a residual ceases to count by its square: few pixels of a frame without compression are beyond.
+const HUBER: f64 = 2.5;
 
 /// One pixel's residuals, chroma and luma.
 pub(crate) struct Residual<'p> {
