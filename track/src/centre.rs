@@ -280,8 +280,8 @@ impl Normal {
         for i in 0..SIZE {
             let weighted = weight * row[i];
             self.vector[i] += weighted * miss;
-            for j in 0..SIZE {
-                self.matrix[i][j] += weighted * row[j];
+            for (entry, value) in self.matrix[i].iter_mut().zip(&row) {
+                *entry += weighted * value;
             }
         }
     }
