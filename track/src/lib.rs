@@ -12,10 +12,13 @@ pub mod look;
 pub mod marker;
 pub mod mask;
 pub mod output;
+pub mod pace;
 pub mod patch;
 pub mod perspective;
 pub mod predict;
 pub mod report;
+pub mod shared;
+pub mod stereo;
 pub mod tips;
 pub mod tracker;
 
@@ -72,7 +75,8 @@ pub struct Args {
     /// Which centre to take: of a ball fitted to the colours, or of the contour.
     #[arg(long, value_enum, default_value_t = Centre::Ball)]
     pub centre: Centre,
-    /// Standard deviation of the frames' stamps [s]; by default what the stamps themselves show.
+    /// Standard deviation of the frames' stamps [s], which are then taken as they are; by default the cameras' steady pace is found behind
+    /// them.
     #[arg(long, value_name = "S", value_parser = jitter)]
     pub stamp_jitter: Option<f64>,
 }
@@ -131,7 +135,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     bar.finish_and_clear();
     let (records, without_motor) = tracker.finish();
     let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), &records, args.stamp_jitter);
-    let contents = output::Contents { tips: &tips.tips, records: &records, robot: &robot_text, cameras: &cameras_text };
+    let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
+    let contents =
+        output::Contents { tips: &tips.tips, metadata: &metadata, records: &records, robot: &robot_text, cameras: &cameras_text };
     let report = Report::new(&tips, counts, without_motor, 0.0);
     if report.seen == 0 {
         return Err(never_seen(&args, &records, counts.undecodable));
