@@ -110,13 +110,19 @@ impl Film {
         whole.then(|| Sighting { grid, placements: placements.to_vec() })
     }
 
-    /// How fast the board moves in a picture: median over its corners of the speed towards its neighbours [px/s]; `None` where there are none.
+    /// How fast the board moves in a picture: median over its corners of the speed towards its neighbours [px/s]. Stills count as at rest;
+    /// `None` where the board was not followed.
     #[must_use]
     pub fn speed_px_s(&self, picture: usize) -> Option<f64> {
-        let (corners, _) = self.at(self.time_s[picture])?;
+        if self.interval_s >= FILM_S {
+            return Some(0.0);
+        }
         let joined = |k: usize| self.runs[k].zip(self.runs.get(k + 1).copied().flatten()).is_some_and(|((_, a), (_, b))| a == b);
-        let alone = !joined(picture) && !picture.checked_sub(1).is_some_and(joined);
-        if alone { None } else { median(&corners.iter().map(|(_, corner)| corner.velocity.norm()).collect::<Vec<f64>>()) }
+        if !joined(picture) && !picture.checked_sub(1).is_some_and(joined) {
+            return None;
+        }
+        let (corners, _) = self.at(self.time_s[picture])?;
+        median(&corners.iter().map(|(_, corner)| corner.velocity.norm()).collect::<Vec<f64>>())
     }
 }
 
@@ -138,8 +144,12 @@ pub fn offset(films: &[Film; 2], cameras: &Cameras) -> Option<Desync> {
 /// What makes labels of `before` of those of `now`, if every corner was followed to the one nearest to it.
 fn follow(before: &Sighting, now: &Sighting) -> Option<Relabel> {
     let spacing = spacing_px(&before.grid)?;
+    // A board that is seen as a whole both times may move by more than a square.
+    let middle = |grid: &Grid| grid.corners.values().sum::<Vector2<f64>>() / grid.corners.len() as f64;
+    let whole = before.grid.corners.len() == now.grid.corners.len();
+    let moved = if whole { middle(&before.grid) - middle(&now.grid) } else { Vector2::zeros() };
     let nearest = |pixel: &Vector2<f64>| {
-        let by = |(&label, p): (&Label, &Vector2<f64>)| ((p - pixel).norm(), label);
+        let by = |(&label, p): (&Label, &Vector2<f64>)| ((p - pixel - moved).norm(), label);
         before.grid.corners.iter().map(by).min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(d, _)| *d < FOLLOWED * spacing)
     };
     let pairs: Vec<(Label, Label)> = now.grid.corners.iter().filter_map(|(&label, pixel)| Some((label, nearest(pixel)?.1))).collect();

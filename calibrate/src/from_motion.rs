@@ -8,6 +8,7 @@
 //! radii            10 %                      cables, friction   a factor of three
 //! hysteresis       0.5 deg, 1 mm             latency            0.1 s
 //! hard stops       the robot file's tolerance, and what homing may stretch
+//! couplings, link angles, tool length, clock drift      the robot file's tolerances
 //! rotation         how well the mount is set         translation   the hard stop's registration
 //! disparity        what the calibration leaves unknown, constant over the image; scale likewise; the offset as the epipolar lines have it
 //! ```
@@ -104,17 +105,31 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
              --marker-radius, and that the mount is that of --rotation."
         )));
     }
-    let flaws = flaws(cameras, &before.base_from_left, &taken, offset.std_s);
+    let mut flaws = flaws(cameras, &before.base_from_left, &taken, offset.std_s);
     let sessions: Vec<Session> = taken.into_iter().map(|taken| taken.session).collect();
     // What an identification found out about the cameras before is found out anew.
     let mut robot = robot.clone();
     robot.observation = Observation::default();
-    let unknowns = unknowns(&robot, before)?;
-    let mut problem = Problem::new(&robot, &unknowns, &sessions)?.with_flaws(flaws);
-    let estimate = problem.estimate(&vec![false; unknowns.len() + FLAWS])?;
-    let found = problem.robot(&estimate.z).observation;
-    let pivot = robot.arm()?.hard_stop;
-    let pivot = robot.arm()?.kinematics.forward(&pivot);
+    flaws.extend(beyond(&robot, &sessions)?);
+    let solve = |unknowns: &[Unknown]| {
+        let mut problem = Problem::new(&robot, unknowns, &sessions)?.with_flaws(flaws.clone());
+        let estimate = problem.estimate(&vec![false; unknowns.len() + FLAWS + BEYOND])?;
+        let found = problem.robot(&estimate.z).observation;
+        Ok((estimate, found, problem.misfit()))
+    };
+    let all = unknowns(&robot, before)?;
+    let (unknowns, (estimate, found, misfit)) = match solve(&all) {
+        Ok(solved) => (all, solved),
+        // Motion that hardly reverses does not tell hysteresis from stretch; what a joint then does beyond the model is its misfit.
+        Err(Error::Data(_)) => {
+            let fewer: Vec<Unknown> = all.into_iter().filter(|u| !matches!(u.quantity, Quantity::Hysteresis(_))).collect();
+            let solved = solve(&fewer)?;
+            (fewer, solved)
+        }
+        Err(error) => return Err(error),
+    };
+    let arm = robot.arm()?;
+    let pivot = arm.kinematics.forward(&arm.hard_stop);
     let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::new(Vector3::from(found.rotation)));
     let moved_m = Vector3::from(found.translation);
     let about_pivot = Isometry3::from_parts(Translation3::from(pivot - turn * pivot + moved_m), turn);
@@ -140,7 +155,7 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
             .filter(|(_, u)| !u.quantity.is_registration() && u.quantity != Quantity::Latency)
             .map(row)
             .collect(),
-        misfit: problem.misfit(),
+        misfit,
         sightings,
     })
 }
@@ -165,7 +180,7 @@ fn unknowns(robot: &Robot, before: &Before) -> Result<Vec<Unknown>> {
     let mut quantities: Vec<Quantity> = (0..3).map(Quantity::PulleyRadius).chain((0..3).map(Quantity::HardStop)).collect();
     quantities.extend((0..3).map(Quantity::Stiffness));
     quantities.extend((0..3).map(Quantity::Hysteresis));
-    quantities.push(Quantity::Latency);
+    quantities.extend([Quantity::Coupling(0, 1), Quantity::Coupling(0, 2), Quantity::Coupling(1, 2), Quantity::Latency]);
     // Only what the file has can be estimated.
     let mut numbers = robot.clone();
     quantities.retain(|quantity| numbers.value_mut(&quantity.key(robot)).is_some());
@@ -176,8 +191,11 @@ fn unknowns(robot: &Robot, before: &Before) -> Result<Vec<Unknown>> {
     };
     let mut unknowns = priors::unknowns(robot, &Selection { quantities, named: false }, &quality)?;
     for unknown in &mut unknowns {
-        if let Quantity::HardStop(j) = unknown.quantity {
-            unknown.spread = unknown.spread.hypot(HOMING_STRETCH[j] / 3.0_f64.sqrt());
+        match unknown.quantity {
+            Quantity::HardStop(j) => unknown.spread = unknown.spread.hypot(HOMING_STRETCH[j] / 3.0_f64.sqrt()),
+            // In m/rad a third, as of hard stops.
+            Quantity::Coupling(_, to) => unknown.spread = robot.tolerances.cable_coupling / if to == 2 { 3.0 } else { 1.0 },
+            _ => {}
         }
     }
     Ok(unknowns)
@@ -204,6 +222,35 @@ fn flaws(cameras: &Cameras, base_from_left: &Isometry3<f64>, taken: &[Taken], of
         all.iter_mut().zip(one).for_each(|(all, one)| all.extend(one));
     }
     all
+}
+
+/// Number of what the robot may have wrong that is no unknown of `raven-identify`.
+const BEYOND: usize = 4;
+/// Half of the time over which the tip's velocity is taken [s].
+const STEP_S: f64 = 0.01;
+
+/// How far link angles, tool length and clocks that are off by a tolerance move the tip.
+fn beyond(robot: &Robot, sessions: &[Session]) -> Result<Vec<Vec<Vector3<f64>>>> {
+    let arm = robot.arm()?;
+    let tolerances = &robot.tolerances;
+    let mut bent = [arm.kinematics; BEYOND - 1];
+    bent[0].link_angle_12 += tolerances.link_angle_rad;
+    bent[1].link_angle_23 += tolerances.link_angle_rad;
+    bent[2].wrist_offset += tolerances.tool_length_m;
+    let mut all = vec![Vec::new(); BEYOND];
+    for session in sessions {
+        let joints = |time_s: f64| arm.transmission.joint_from_motor(&session.motion.angle_rad(time_s));
+        for sighting in &session.sightings {
+            let at = joints(sighting.time_s);
+            for (column, bent) in all.iter_mut().zip(&bent) {
+                column.push(bent.forward(&at) - arm.kinematics.forward(&at));
+            }
+            let tip = |time_s: f64| arm.kinematics.forward(&joints(time_s));
+            let velocity = (tip(sighting.time_s + STEP_S) - tip(sighting.time_s - STEP_S)) / (2.0 * STEP_S);
+            all[BEYOND - 1].push(velocity * (tolerances.clock_drift * sighting.time_s));
+        }
+    }
+    Ok(all)
 }
 
 /// The covariance of some unknowns, from prior deviations to SI.

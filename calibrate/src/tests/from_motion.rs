@@ -110,7 +110,7 @@ const LAB: [&str; 4] = ["pulley-radius:shoulder=-0.05", "hysteresis:insertion=0.
 
 #[test]
 fn a_pulley_that_is_off_by_five_percent_does_not_turn_the_cameras() {
-    let case = case(1, &LAB, Motion::Sinusoid, 40.0);
+    let case = case(1, &LAB, Motion::Sinusoid, 20.0);
     let (errors, in_middle_m) = case.errors();
     assert!(errors.iter().all(|e| e.abs() < 4.0), "{errors:?}");
     let std_deg = case.found.rotation_std_rad().map(f64::to_degrees);
@@ -120,11 +120,12 @@ fn a_pulley_that_is_off_by_five_percent_does_not_turn_the_cameras() {
 }
 
 #[test]
+#[ignore = "takes minutes: cargo test --release -p raven-calibrate errors_are_as_large -- --ignored --nocapture"]
 fn errors_are_as_large_as_claimed() {
-    const SEEDS: u64 = 12;
+    const SEEDS: u64 = 6;
     let of = |seed: u64| {
         let motion = if seed % 2 == 0 { Motion::Sinusoid } else { Motion::Rich };
-        case(100 + seed, &LAB, motion, 40.0).errors()
+        case(100 + seed, &LAB, motion, 30.0).errors()
     };
     let all: Vec<([f64; 11], f64)> = (0..SEEDS).into_par_iter().map(of).collect();
     for (errors, in_middle_m) in &all {
@@ -134,7 +135,7 @@ fn errors_are_as_large_as_claimed() {
         let squares: Vec<f64> = all.iter().flat_map(|(errors, _)| errors[range.clone()].to_vec()).map(|e| e * e).collect();
         let mean = squares.iter().sum::<f64>() / squares.len() as f64;
         println!("{name}: mean squared error over variance {mean:.2}");
-        // Chi-square over twelve, 99.9 %: 2.74. Shared priors make deviations wide rather than narrow.
-        assert!(mean < 2.74, "{name}: {mean}");
+        // Chi-square of six degrees over six, 99.9 %: 3.74.
+        assert!(mean < 3.74, "{name}: {mean}");
     }
 }
