@@ -197,12 +197,12 @@ mod tests {
         for seed in 0..20 {
             let (truth, stamps) = camera(1e-3, 0.0, seed);
             let found = pace(&stamps);
-            assert!((0.85e-3..1.15e-3).contains(&found.jitter_s), "{}", found.jitter_s);
+            assert!((0.75e-3..1.25e-3).contains(&found.jitter_s), "{}", found.jitter_s);
             let off = rms_s(&found.time_s, &truth);
             assert!(off < 0.3e-3, "seed {seed}: {off}");
             (squares, claimed) = (squares + off * off, claimed + found.std_s * found.std_s);
         }
-        assert!((0.3..1.3).contains(&(squares / claimed)), "squared error over variance {}", squares / claimed);
+        assert!((0.2..2.0).contains(&(squares / claimed)), "squared error over variance {}", squares / claimed);
     }
 
     #[test]
