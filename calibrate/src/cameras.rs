@@ -13,9 +13,11 @@ use raven::{Error, Result};
 
 use crate::board::{Board, BoardSize};
 use crate::calibration::{self, Calibration, Options};
+use crate::desync::Desync;
 use crate::linear::CAMERA;
-use crate::summary::{Seconds, baseline_std_m, report, table};
-use crate::{export, folds, glob, page, pictures, uncertainty, verdict};
+use crate::pictures::Pictures;
+use crate::summary::{Seconds, baseline_std_m, disparity_std_px, report, table};
+use crate::{export, film, folds, glob, page, pictures, stills, uncertainty, verdict};
 
 /// Calibrate both cameras and the pose between them from pictures of a checkerboard.
 ///
@@ -77,7 +79,7 @@ type Export = fn(&Cameras, &Path) -> Result<()>;
 pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
     let board = Board { size: args.board, square_m: args.square };
-    let pictures = match &args.log {
+    let mut pictures = match &args.log {
         Some(log) => pictures::from_log(log, args.board)?,
         None => pictures::from_files(&glob::files(&args.left)?, &glob::files(&args.right)?, args.board)?,
     };
@@ -100,9 +102,9 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     }
     let found = Instant::now();
     let options = Options { k3: args.k3, bow: args.bow };
-    let calibration = calibration::calibrate(&pictures.shots, pictures.sizes_px, &board, options)?;
+    let (calibration, offset) = calibrate(&mut pictures, &board, options)?;
     let solve = found.elapsed().as_secs_f64();
-    let cameras = cameras(&calibration);
+    let cameras = cameras(&calibration, &board, offset);
     if let Some(output) = &args.output {
         cameras.write(output)?;
     }
@@ -120,6 +122,13 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
         let page = page::html(&calibration, &pictures.shots, &board, &text, &sentences);
         write_atomic(path, page.as_bytes())?;
     }
+    if let Some(Desync { right_minus_left_s, std_s }) = offset {
+        text += &format!(
+            "The board's motion shows right images to be {:.2} +- {:.2} ms later than their stamps say against the left ones (1 sigma).\n",
+            1e3 * right_minus_left_s,
+            1e3 * std_s
+        );
+    }
     sentences.iter().for_each(|s| text += &format!("{}\n", s.text));
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-".as_ref(), "write", e))?;
     sentences.iter().filter(|s| s.warning).for_each(|s| cli::warn(&s.text));
@@ -133,8 +142,34 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// Rounds of cameras and offset, of which each needs the other.
+const ROUNDS: usize = 3;
+/// Deviations by which an offset must differ from what was taken to be worth another round.
+const DIFFERS: f64 = 2.0;
+
+/// The cameras, and the offset between them where a moving board shows one that matters.
+///
+/// # Errors
+/// As [`calibration::calibrate`].
+pub fn calibrate(pictures: &mut Pictures, board: &Board, options: Options) -> Result<(Calibration, Option<Desync>)> {
+    let mut calibration = calibration::calibrate(&pictures.shots, pictures.sizes_px, board, options)?;
+    let mut known: Option<Desync> = None;
+    for _ in 0..ROUNDS {
+        let Some(films) = &pictures.films else { break };
+        let Some(found) = film::offset(films, &uncertainty::cameras_of(&calibration.rig)) else { break };
+        let taken_s = known.map_or(0.0, |known| known.right_minus_left_s);
+        if (found.right_minus_left_s - taken_s).abs() <= DIFFERS * found.std_s {
+            break;
+        }
+        pictures.shots = stills::shots(films, found.right_minus_left_s);
+        calibration = calibration::calibrate(&pictures.shots, pictures.sizes_px, board, options)?;
+        known = Some(found);
+    }
+    Ok((calibration, known))
+}
+
 /// What goes to `cameras.yaml`.
-fn cameras(calibration: &Calibration) -> Cameras {
+fn cameras(calibration: &Calibration, board: &Board, offset: Option<Desync>) -> Cameras {
     let std = |at: usize| Some([calibration.std(at)?, calibration.std(at + 1)?, calibration.std(at + 2)?, calibration.std(at + 3)?]);
     Cameras {
         quality: Quality {
@@ -144,8 +179,11 @@ fn cameras(calibration: &Calibration) -> Cameras {
             left_std: std(0),
             right_std: std(CAMERA),
             baseline_std_m: baseline_std_m(calibration),
+            disparity_std_px: disparity_std_px(calibration, board),
+            right_minus_left_std_s: offset.map(|offset| offset.std_s),
             ..Quality::default()
         },
+        right_minus_left_s: offset.map_or(0.0, |offset| offset.right_minus_left_s),
         ..uncertainty::cameras_of(&calibration.rig)
     }
 }

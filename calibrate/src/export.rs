@@ -184,7 +184,7 @@ mod tests {
             Pinhole { width: 640, height: 480, fx: 533.0, fy: 534.0, cx: 342.0, cy: 235.0, distortion: [-0.28, 0.1, 1e-3, 2e-4, 0.0] };
         let right = Pinhole { fx: 537.0, fy: 536.0, cx: 327.0, cy: 250.0, ..left };
         let right_from_left = Isometry3::new(Vector3::new(-0.0998, 0.0011, -0.0002), Vector3::new(0.0065, 0.0045, -0.0035));
-        Cameras { left, right, right_from_left, base_from_left: None, latency_s: 0.0, quality: Quality::default() }
+        Cameras { left, right, right_from_left, base_from_left: None, latency_s: 0.0, right_minus_left_s: 0.0, quality: Quality::default() }
     }
 
     fn swapped(cameras: &Cameras) -> Cameras {

@@ -5,18 +5,23 @@ pub mod bundle;
 pub mod calibration;
 pub mod cameras;
 pub mod corners;
+pub mod desync;
 pub mod export;
 pub mod figures;
+pub mod film;
 pub mod folds;
+pub mod from_motion;
 pub mod glimpses;
 pub mod glob;
 pub mod grid;
+pub mod hard_stop;
 pub mod homography;
 pub mod junction;
 pub mod linear;
 pub mod map;
 pub mod marker_position;
 pub mod mount;
+pub mod moving;
 pub mod page;
 pub mod pairing;
 pub mod pictures;
@@ -48,7 +53,7 @@ pub struct Args {
 pub enum Command {
     /// Calibrate both cameras and the pose between them from pictures of a checkerboard.
     Cameras(cameras::CamerasArgs),
-    /// Register the cameras to the robot from a recording at the hard stop.
+    /// Register the cameras to the robot from a recording at the hard stop, and from motion.
     Register(register::RegisterArgs),
 }
 

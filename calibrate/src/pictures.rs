@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::board::BoardSize;
 use crate::calibration::Shot;
 use crate::corners::{self, Glimpse, Sighting};
+use crate::film::Film;
 use crate::glimpses::Glimpses;
 use crate::stills;
 
@@ -19,6 +20,8 @@ use crate::stills;
 pub struct Pictures {
     /// Left and right at one instant.
     pub shots: Vec<Shot>,
+    /// Every picture of a log, left and right; `None` of files.
+    pub films: Option<[Film; 2]>,
     /// Width and height of each camera's pictures [px].
     pub sizes_px: [(u32, u32); 2],
     /// Pictures of each camera.
@@ -113,7 +116,10 @@ pub fn from_log(path: &Path, board: BoardSize) -> Result<Pictures> {
     }
     bar.finish_and_clear();
     seen.iter_mut().for_each(|side| side.sort_by_key(|(stamp, _)| *stamp));
-    pictures.shots = stills::choose(stills::pair(seen));
+    let origin = seen.iter().flatten().map(|(stamp, _)| *stamp).min().unwrap_or_default();
+    let films = seen.map(|seen| Film::new(origin, seen));
+    pictures.shots = stills::shots(&films, 0.0);
+    pictures.films = Some(films);
     Ok(pictures)
 }
 
@@ -121,6 +127,7 @@ impl Pictures {
     fn empty() -> Self {
         Self {
             shots: Vec::new(),
+            films: None,
             sizes_px: [(0, 0); 2],
             pictures: [0; 2],
             boards_seen: [0; 2],

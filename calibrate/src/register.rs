@@ -1,39 +1,38 @@
-//! `raven-calibrate register`: where the cameras are in the robot's frame 0, from the marker at the hard stop (the paper's eq. 1).
+//! `raven-calibrate register`: where the cameras are in the robot's frame 0.
 //!
-//! The rotation is that of the mount. At the hard stop the joints are where the encoders are set, so the tip is known:
-//!
-//! ```text
-//! t = p_hs - R p_left
-//! ```
-//!
-//! The standard deviation of `t` is that of the tip with the rotation as it is; an error of the rotation turns the rig about that tip.
+//! The marker at the hard stop gives the place, with the rotation of the mount ([`crate::hard_stop`], the paper's eq. 1). A motion gives the
+//! rotation too, the latency and the offset between the cameras ([`crate::from_motion`]).
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3};
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
-use raven::log::{MotorSource, Recording};
-use raven::robot::{Arm, Robot};
+use raven::robot::Robot;
 use raven::{Error, Result};
-use raven_track::batches;
 use raven_track::colour::MarkerColour;
 use raven_track::look::Marker;
 use raven_track::marker::Centre;
 use serde::Serialize;
 
-use crate::marker_position::{Gathered, Place};
+use crate::from_motion::{self, Before, FromMotion};
+use crate::hard_stop::{self, AtHardStop};
 use crate::mount::Mount;
+use crate::moving::Moving;
 
-/// Register the cameras to the robot from a recording at the hard stop.
+/// Register the cameras to the robot from a recording at the hard stop, and from recordings of motion if there are any.
 ///
-/// Example: raven-calibrate register hardstop.mcap --robot robot.yaml --cameras cameras.yaml -o cameras.yaml
+/// Example: raven-calibrate register hardstop.mcap --motion sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o cameras.yaml
 #[derive(Debug, Clone, Args)]
 pub struct RegisterArgs {
     /// A recording with the robot at its hard stop and the marker in both images.
     pub log: PathBuf,
+    /// Moving recordings: the cameras' turn, their latency and the offset between them are then estimated too, with the robot's own numbers
+    /// free.
+    #[arg(long, value_name = "LOG")]
+    pub motion: Vec<PathBuf>,
     /// The robot file.
     #[arg(long, value_name = "FILE")]
     pub robot: PathBuf,
@@ -91,12 +90,54 @@ pub struct Report {
     pub latency_s: Option<f64>,
     /// Standard deviation of the latency [s].
     pub latency_std_s: Option<f64>,
+    /// What a motion tells beside.
+    pub motion: Option<MotionReport>,
     /// Marker in the left camera's frame [m].
     pub marker_left_m: [f64; 3],
     /// Frames in which the marker was seen.
     pub frames_seen: usize,
     /// Pairs of frames at the hard stop.
     pub frames: usize,
+}
+
+/// What a motion tells.
+#[derive(Debug, Clone, Serialize)]
+pub struct MotionReport {
+    /// How much later than a left image the nearest right one is taken in the first recording, median [s].
+    pub right_minus_left_s: f64,
+    /// Its standard deviation [s].
+    pub right_minus_left_std_s: f64,
+    /// The same by the stamps alone [s].
+    pub stamps_apart_s: f64,
+    /// By how much more a right image shows the past than a left one of the same stamp [s]: the difference.
+    pub right_latency_beyond_left_s: f64,
+    /// Standard deviation of the tip as the cameras see it in the middle of the motion [m].
+    pub workspace_std_m: [f64; 3],
+    /// By how much the motion moves the tip at the hard stop, in frame 0 [m].
+    pub hard_stop_moved_m: [f64; 3],
+    /// The same as joints [rad, rad, m], and its standard deviation if the hard stop were rigid.
+    pub hard_stop_joints: [[f64; 2]; 3],
+    /// What each joint does beyond the model, one sigma [rad, rad, m].
+    pub misfit: [f64; 3],
+    /// The robot's numbers that were estimated along.
+    pub robot: Vec<NumberReport>,
+    /// Sightings of the tip used.
+    pub sightings: usize,
+    /// Left frames of the motion.
+    pub frames: usize,
+}
+
+/// One number of the robot.
+#[derive(Debug, Clone, Serialize)]
+pub struct NumberReport {
+    /// As `raven-identify` names it.
+    pub name: String,
+    /// Value, SI.
+    pub value: f64,
+    /// Standard deviation.
+    pub std: f64,
+    /// Value in the robot file.
+    pub prior: f64,
 }
 
 /// A rotation and a shift.
@@ -108,13 +149,8 @@ pub struct PoseReport {
     pub translation: [f64; 3],
 }
 
-/// Upper bounds of how far each joint is from where the encoders believe it at the hard stop [rad, rad, m]: the public controller takes its
-/// zero when the motors reach their homing current, with cables stretched by up to this much at the published stiffness.
-const HOMING_STRETCH: [f64; 3] = [0.06 * std::f64::consts::PI / 180.0, 0.58 * std::f64::consts::PI / 180.0, 4.1e-3];
-/// A tip that the motors put farther than this from the hard stop is not there [m]: more than stretch and a wrong radius can do.
-const AT_HARD_STOP_M: f64 = 0.01;
-/// A tip that the motors move by more than this is not at rest [m].
-const AT_REST_M: f64 = 0.0005;
+/// Deviations by which a motion must contradict the hard stop to be worth a sentence.
+const CONTRADICTS: f64 = 3.0;
 
 /// Runs the command; the result goes to `out`.
 ///
@@ -123,194 +159,170 @@ const AT_REST_M: f64 = 0.0005;
 pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     if args.rotation.trim() == "estimate" {
         return Err(Error::Argument(
-            "--rotation estimate is not available: give the mount's rotation, such as 'x0=-y y0=z z0=-x', and let raven-identify estimate \
-             what is left of rotation and latency together with the robot."
+            "--rotation estimate is not available: give the mount's rotation, such as 'x0=-y y0=z z0=-x', to within 30 deg, with \
+             --rotation-std-deg, and a moving recording with --motion."
                 .to_owned(),
         ));
     }
     let mount: Mount = args.rotation.parse().map_err(|e| Error::Argument(format!("--rotation: {e}.")))?;
     let robot = Robot::read(&args.robot)?;
-    let arm = robot.arm()?;
     let mut cameras = Cameras::read(&args.cameras)?;
-    let recording = Recording::read(&args.log, &MotorSource::from(&robot))?;
-    let stop = HardStop::new(&arm, &recording);
     let marker = Marker {
         colour: MarkerColour { hue_deg: args.hue, ..MarkerColour::default() },
         radius_m: args.marker_radius,
         centre: Centre::Ball,
     };
-    let mut gathered = Gathered::default();
-    let counts = batches::for_each(
-        &args.log,
-        &cameras,
-        f64::INFINITY,
-        |_, _| None,
-        |frames| {
-            if let [Some(left), Some(right)] = frames
-                && stop.holds_at(left.stamp().seconds_since(recording.start))
-            {
-                gathered.add(&cameras, &marker, [&left.whole(), &right.whole()]);
-            }
-        },
-    )?;
-    stop.check(&args.log, gathered.frames())?;
-    let place = the_marker(&args.log, &gathered)?;
-    let rotation = mount.base_from_left;
-    let tip = arm.kinematics.forward(&arm.hard_stop);
-    let translation = tip - rotation * place.point_left;
-    let covariance = seen_covariance(&cameras, &place, &rotation) + stop_covariance(&robot, &arm);
-    let translation_std_m = [0, 1, 2].map(|i| covariance[(i, i)].sqrt());
-    let rotation_std_rad = [args.rotation_std_deg.to_radians(); 3];
-    cameras.base_from_left = Some(Isometry3::from_parts(Translation3::from(translation), UnitQuaternion::from_rotation_matrix(&rotation)));
+    let stop = hard_stop::register(&args.log, &robot, &cameras, &marker, &mount.base_from_left)?;
+    let mut lost = stop.lost;
+    let before = Before {
+        base_from_left: stop.base_from_left,
+        rotation_std_rad: [args.rotation_std_deg.to_radians(); 3],
+        translation_std_m: deviations(&stop.covariance),
+    };
+    let mut report = report(&stop, &before);
+    cameras.base_from_left = Some(before.base_from_left);
+    if !args.motion.is_empty() {
+        // What these were is found out anew.
+        (cameras.latency_s, cameras.right_minus_left_s) = (0.0, 0.0);
+        let follow = |log: &PathBuf| Moving::follow(log, &robot, &cameras, marker);
+        let moving: Vec<Moving> = args.motion.iter().map(follow).collect::<Result<_>>()?;
+        lost += moving.iter().map(|moving| moving.lost).sum::<usize>();
+        let found = from_motion::register(&robot, &cameras, &before, &moving)?;
+        report.take(&found, motion_report(&robot, &stop, &found, &moving)?, &stop);
+        cameras.base_from_left = Some(found.base_from_left);
+        (cameras.latency_s, cameras.right_minus_left_s) = (found.latency_s[0], found.right_minus_left_s[0]);
+        cameras.quality.latency_std_s = Some(found.latency_s[1]);
+        cameras.quality.right_minus_left_std_s = Some(found.right_minus_left_s[1]);
+    }
     cameras.quality = Quality {
-        registration_rotation_std_rad: Some(rotation_std_rad),
-        registration_translation_std_m: Some(translation_std_m),
+        registration_rotation_std_rad: Some(report.rotation_std_rad),
+        registration_translation_std_m: Some(report.translation_std_m),
         ..cameras.quality
     };
     if let Some(output) = &args.output {
         cameras.write(output)?;
     }
-    let report = Report {
-        base_from_left: PoseReport {
-            rotation: rotation.matrix().transpose().as_slice().try_into().unwrap_or_default(),
-            translation: translation.into(),
-        },
-        translation_std_m,
-        rotation_std_rad,
-        latency_s: None,
-        latency_std_s: None,
-        marker_left_m: place.point_left.into(),
-        frames_seen: place.frames,
-        frames: gathered.frames(),
-    };
-    out.write_all(text(&report, &tip, args).as_bytes()).map_err(|e| Error::io(Path::new("-"), "write", e))?;
+    out.write_all(text(&report, &stop, args).as_bytes()).map_err(|e| Error::io(Path::new("-"), "write", e))?;
+    report.motion.iter().filter_map(|motion| contradiction(motion, &robot)).for_each(|sentence| cli::warn(&sentence));
     if let Some(json) = &args.json {
         cli::write_json(json, &report)?;
     }
-    Ok(if counts.undecodable > 0 { Outcome::DataLost } else { Outcome::Done })
+    Ok(if lost > 0 { Outcome::DataLost } else { Outcome::Done })
 }
 
-/// What the motors say about the hard stop.
-struct HardStop<'a> {
-    arm: &'a Arm,
-    recording: &'a Recording,
-    tip: Vector3<f64>,
+fn deviations(covariance: &Matrix3<f64>) -> [f64; 3] {
+    [0, 1, 2].map(|i| covariance[(i, i)].sqrt())
 }
 
-impl<'a> HardStop<'a> {
-    fn new(arm: &'a Arm, recording: &'a Recording) -> Self {
-        Self { arm, recording, tip: arm.kinematics.forward(&arm.hard_stop) }
-    }
-
-    /// How far the motors put the tip from the hard stop at a time since the start [m]; `None` where they are not recorded.
-    fn distance_m(&self, time_s: f64) -> Option<f64> {
-        let motor = self.recording.motor.as_ref()?;
-        let angles = Vector3::new(motor.interpolate(0, time_s)?, motor.interpolate(1, time_s)?, motor.interpolate(2, time_s)?);
-        let joints = self.arm.transmission.joint_from_motor(&angles);
-        Some((self.arm.kinematics.forward(&joints) - self.tip).norm())
-    }
-
-    /// Whether the robot is at the hard stop, as far as the motors say.
-    fn holds_at(&self, time_s: f64) -> bool {
-        self.recording.motor.is_none() || self.distance_m(time_s).is_some_and(|d| d < AT_HARD_STOP_M)
-    }
-
-    /// Refuses a recording that is never at the hard stop, and warns of one that moves or has no motors.
-    fn check(&self, log: &Path, frames: usize) -> Result<()> {
-        let Some(motor) = &self.recording.motor else {
-            cli::warn("the log has no motor positions: that the robot stood at its hard stop is taken for granted.");
-            return if frames > 0 { Ok(()) } else { Err(Error::file(log, "no left and right frame lie within one period.")) };
-        };
-        let distances: Vec<f64> = motor.time_s.iter().filter_map(|&t| self.distance_m(t)).collect();
-        let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
-        let farthest = distances.iter().copied().fold(0.0, f64::max);
-        if frames == 0 {
-            let nearest_mm = 1e3 * nearest;
-            let sentence = format!(
-                "the robot is never at its hard stop in this recording: its motors put the tip {nearest_mm:.1} mm away at the nearest. Record \
-                 at the hard stop after homing, or check joints.*.hard_stop in the robot file."
-            );
-            return Err(Error::file(log, sentence));
-        }
-        let at_stop = distances.iter().copied().filter(|&d| d < AT_HARD_STOP_M).fold(0.0, f64::max);
-        if at_stop - nearest > AT_REST_M {
-            let moved_mm = 1e3 * (at_stop - nearest);
-            cli::warn(&format!("the motors move the tip by {moved_mm:.1} mm while it should rest at the hard stop."));
-        } else if farthest > AT_HARD_STOP_M {
-            cli::warn(&format!(
-                "the robot leaves its hard stop in this recording; {frames} pairs of frames before or after that are used."
-            ));
-        }
-        Ok(())
+fn report(stop: &AtHardStop, before: &Before) -> Report {
+    Report {
+        base_from_left: PoseReport::of(&before.base_from_left),
+        translation_std_m: before.translation_std_m,
+        rotation_std_rad: before.rotation_std_rad,
+        latency_s: None,
+        latency_std_s: None,
+        motion: None,
+        marker_left_m: stop.place.point_left.into(),
+        frames_seen: stop.place.frames,
+        frames: stop.frames,
     }
 }
 
-/// The one place that can be the marker.
-fn the_marker(log: &Path, gathered: &Gathered) -> Result<Place> {
-    let places = gathered.places();
-    let listed = |place: &Place| {
-        let [x, y, z] = (place.point_left * 1e3).into();
-        format!("({x:.0}, {y:.0}, {z:.0}) mm in {} frames", place.frames)
+impl PoseReport {
+    fn of(pose: &Isometry3<f64>) -> Self {
+        let rotation = pose.rotation.to_rotation_matrix();
+        Self { rotation: std::array::from_fn(|i| rotation[(i / 3, i % 3)]), translation: pose.translation.vector.into() }
+    }
+}
+
+impl Report {
+    fn take(&mut self, found: &FromMotion, motion: MotionReport, stop: &AtHardStop) {
+        self.base_from_left = PoseReport::of(&found.base_from_left);
+        self.translation_std_m = found.std_at(&stop.tip, &stop.tip);
+        self.rotation_std_rad = found.rotation_std_rad();
+        (self.latency_s, self.latency_std_s) = (Some(found.latency_s[0]), Some(found.latency_s[1]));
+        self.motion = Some(motion);
+    }
+}
+
+fn motion_report(robot: &Robot, stop: &AtHardStop, found: &FromMotion, moving: &[Moving]) -> Result<MotionReport> {
+    let arm = robot.arm()?;
+    let into_joints = arm.kinematics.jacobian(&arm.hard_stop).try_inverse().unwrap_or_else(Matrix3::zeros);
+    let moved = into_joints * found.moved_m;
+    let covariance = into_joints * (stop.covariance_rigid + found.covariance.fixed_view::<3, 3>(3, 3)) * into_joints.transpose();
+    let number =
+        |(name, value, std, prior): &(String, f64, f64, f64)| NumberReport { name: name.clone(), value: *value, std: *std, prior: *prior };
+    let stamps_apart_s = moving.first().map_or(f64::NAN, Moving::stamps_apart_s);
+    Ok(MotionReport {
+        right_minus_left_s: stamps_apart_s - found.right_minus_left_s[0],
+        stamps_apart_s,
+        right_latency_beyond_left_s: found.right_minus_left_s[0],
+        right_minus_left_std_s: found.right_minus_left_s[1],
+        workspace_std_m: found.std_at(&found.middle_m, &stop.tip),
+        hard_stop_moved_m: found.moved_m.into(),
+        hard_stop_joints: [0, 1, 2].map(|j| [moved[j], covariance[(j, j)].sqrt()]),
+        misfit: found.misfit.into(),
+        robot: found.robot.iter().map(number).collect(),
+        sightings: found.sightings,
+        frames: moving.iter().map(|moving| moving.frames).sum(),
+    })
+}
+
+/// A sentence, if the motion puts the tip at the hard stop elsewhere than a rigid stop allows.
+fn contradiction(motion: &MotionReport, robot: &Robot) -> Option<String> {
+    let shown = |(j, [moved, std]): (usize, &[f64; 2])| {
+        let joint = robot.joints.get(j).filter(|_| moved.abs() > CONTRADICTS * std)?;
+        let (scale, unit) = if j == 2 { (1e3, "mm") } else { (180.0 / std::f64::consts::PI, "deg") };
+        Some(format!("{} by {:.2} {unit} +- {:.2}", joint.name, scale * moved, scale * std))
     };
-    match places.as_slice() {
-        [one] => Ok(one.clone()),
-        [] => Err(Error::file(
-            log,
-            format!(
-                "the marker was seen by both cameras at once in none of {} pairs of frames: no two blobs of its colour meet in space with its \
-                 size. Check --hue, --marker-radius and that it is visible.",
-                gathered.frames()
-            ),
-        )),
-        several => {
-            let list: Vec<String> = several.iter().map(listed).collect();
-            let sentence = format!(
-                "several things of the marker's colour and size are in view, at {} before the left camera. Cover all but the marker.",
-                list.join(" and at ")
-            );
-            Err(Error::file(log, sentence))
-        }
-    }
+    let all: Vec<String> = motion.hard_stop_joints.iter().enumerate().filter_map(shown).collect();
+    (!all.is_empty()).then(|| {
+        format!(
+            "hard stop and motion disagree: seen from the motion, the hard stop is off in {}. A stop that gives way or cables that homing \
+             stretches do that; the motion is believed.",
+            all.join(" and ")
+        )
+    })
 }
 
-/// Covariance of the marker as the cameras see it, in frame 0 [m^2]: scatter of the frames, and the calibration's focal length, principal
-/// point and baseline.
-fn seen_covariance(cameras: &Cameras, place: &Place, rotation: &Rotation3<f64>) -> Matrix3<f64> {
-    let depth = place.point_left.z;
-    let [fx, fy, cx, cy] = cameras.quality.left_std.unwrap_or_default();
-    let baseline = cameras.quality.baseline_std_m.unwrap_or_default() / cameras.baseline_m();
-    let (focal, focal_v) = (fx / cameras.left.fx, fy / cameras.left.fy);
-    let along = place.point_left * (focal * focal + baseline * baseline).sqrt();
-    let across = Vector3::new(depth * cx / cameras.left.fx, depth * cy.hypot(focal_v * place.point_left.y / depth) / cameras.left.fy, 0.0);
-    let calibration = along * along.transpose() + Matrix3::from_diagonal(&across.component_mul(&across));
-    rotation.matrix() * (place.covariance + calibration) * rotation.matrix().transpose()
-}
-
-/// Covariance of the tip at the hard stop [m^2]: what the robot file's hard stops are good for, and cables stretched by homing, uniform up
-/// to the bound either way.
-fn stop_covariance(robot: &Robot, arm: &Arm) -> Matrix3<f64> {
-    let jacobian = arm.kinematics.jacobian(&arm.hard_stop);
-    let variance = Vector3::from_fn(|j, _| {
-        let nominal = robot.joints.get(j).map_or(0.0, |joint| robot.tolerances.hard_stop_of(joint.kind));
-        nominal * nominal + HOMING_STRETCH[j] * HOMING_STRETCH[j] / 3.0
-    });
-    jacobian * Matrix3::from_diagonal(&variance) * jacobian.transpose()
-}
-
-fn text(report: &Report, tip: &Vector3<f64>, args: &RegisterArgs) -> String {
-    let millimetres = |v: [f64; 3]| v.map(|x| format!("{:.2}", 1e3 * x)).join(", ");
-    format!(
+fn text(report: &Report, stop: &AtHardStop, args: &RegisterArgs) -> String {
+    let row = |values: [f64; 3], scale: f64, digits: usize| values.map(|x| format!("{:.digits$}", scale * x)).join(", ");
+    let mut text = format!(
         "marker seen in {} of {} pairs of frames at ({}) mm before the left camera\n\
          tip at the hard stop   ({}) mm in frame 0\n\
-         base_from_left: t      ({}) mm, one sigma ({}) mm with the rotation as it is\n\
-         rotation {}, one sigma {} deg about the tip at the hard stop\n",
+         base_from_left: t      ({}) mm, one sigma ({}) mm with the rotation as it is\n",
         report.frames_seen,
         report.frames,
-        millimetres(report.marker_left_m),
-        millimetres((*tip).into()),
-        millimetres(report.base_from_left.translation),
-        millimetres(report.translation_std_m),
+        row(report.marker_left_m, 1e3, 2),
+        row(stop.tip.into(), 1e3, 2),
+        row(report.base_from_left.translation, 1e3, 2),
+        row(report.translation_std_m, 1e3, 2),
+    );
+    let Some(motion) = &report.motion else {
+        text += &format!("rotation {}, one sigma {} deg about the tip at the hard stop\n", args.rotation.trim(), args.rotation_std_deg);
+        return text;
+    };
+    let of_mount = args.rotation.parse::<Mount>().map(|mount| mount.base_from_left).unwrap_or_default();
+    let turned = (nalgebra::Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(&report.base_from_left.rotation))
+        * of_mount.inverse())
+    .scaled_axis();
+    let degrees = 180.0 / std::f64::consts::PI;
+    text += &format!(
+        "rotation               {} and ({}) deg about the axes of frame 0, one sigma ({}) deg\n\
+         seen in the motion     in {} of {} frames; one sigma of the tip in its middle ({}) mm\n\
+         latency                {:.2} +- {:.2} ms\n\
+         right minus left       {:.2} ms by the stamps, {:.2} +- {:.2} ms in truth\n",
         args.rotation.trim(),
-        args.rotation_std_deg,
-    )
+        row(turned.into(), degrees, 3),
+        row(report.rotation_std_rad, degrees, 3),
+        motion.sightings,
+        motion.frames,
+        row(motion.workspace_std_m, 1e3, 2),
+        1e3 * report.latency_s.unwrap_or(f64::NAN),
+        1e3 * report.latency_std_s.unwrap_or(f64::NAN),
+        1e3 * motion.stamps_apart_s,
+        1e3 * motion.right_minus_left_s,
+        1e3 * motion.right_minus_left_std_s,
+    );
+    text
 }

@@ -2,14 +2,15 @@
 
 use std::fmt::Write as _;
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 use serde::Serialize;
 
+use crate::board::Board;
 use crate::calibration::Calibration;
 use crate::folds::Folds;
 use crate::linear::{BOW, CAMERA, PAIR, SHARED};
 use crate::pictures::Pictures;
-use crate::verdict;
+use crate::{uncertainty, verdict};
 
 /// The result as scripts read it.
 #[derive(Debug, Clone, Serialize)]
@@ -113,6 +114,18 @@ pub struct StereoReport {
 pub fn baseline_std_m(calibration: &Calibration) -> Option<f64> {
     let direction = along_baseline(calibration);
     Some((direction.transpose() * calibration.deviations.as_ref()?.covariance * direction)[0].sqrt())
+}
+
+/// Standard deviation of the disparity at the boards' mean distance, in the middle of the left image [px]: that of the depth there, seen by
+/// two cameras side by side.
+#[must_use]
+pub fn disparity_std_px(calibration: &Calibration, board: &Board) -> Option<f64> {
+    let distance_m = verdict::mean_distance_m(&calibration.rig, board);
+    let point = Vector3::new(0.0, 0.0, distance_m);
+    let covariance = uncertainty::point_covariance(&calibration.rig, &calibration.deviations.as_ref()?.covariance, &point)?;
+    let [left, _] = calibration.rig.cameras;
+    let px_per_m = left.fx * calibration.rig.right_from_left.translation.vector.norm() / (distance_m * distance_m);
+    Some(px_per_m * covariance[(2, 2)].sqrt())
 }
 
 /// Slope of the distance between the cameras with the shared parameters.

@@ -142,5 +142,5 @@ pub fn point_slope(rig: &Rig, covariance: &SMatrix<f64, SHARED, SHARED>, point_l
 pub fn cameras_of(rig: &Rig) -> Cameras {
     let [left, right] = rig.cameras;
     let right_from_left = rig.right_from_left;
-    Cameras { left, right, right_from_left, base_from_left: None, latency_s: 0.0, quality: Quality::default() }
+    Cameras { left, right, right_from_left, base_from_left: None, latency_s: 0.0, right_minus_left_s: 0.0, quality: Quality::default() }
 }

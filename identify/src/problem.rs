@@ -61,9 +61,14 @@ pub struct Problem<'a> {
     /// Per sighting, what makes its residual one of unit covariance [1/m].
     whiten: Vec<Matrix3<f64>>,
     joints: Joints,
+    /// What observations may have in common, see [`Problem::with_flaws`].
+    flaws: Vec<Flaw>,
     /// Columns of the Jacobian [m] that took rollouts, and where.
     rolled: Arc<Mutex<Rolled>>,
 }
+
+/// Per sighting of all sessions, how far one prior deviation of a flaw of the cameras moves where the tip is seen, frame 0 [m].
+pub type Flaw = Vec<Vector3<f64>>;
 
 /// How far predictions take the joints to be from where the cables hold them at rest.
 #[derive(Debug, Clone)]
@@ -96,10 +101,17 @@ impl<'a> Problem<'a> {
         for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        let mut problem =
-            Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten: Vec::new(), joints: Joints::AtRest, rolled: Arc::default() };
+        let (whiten, flaws, joints, rolled) = (Vec::new(), Vec::new(), Joints::AtRest, Arc::default());
+        let mut problem = Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten, joints, flaws, rolled };
         problem.weigh(&DVector::zeros(unknowns.len()))?;
         Ok(problem)
+    }
+
+    /// With flaws of the cameras as further unknowns, after those of the robot and in units of their prior deviation.
+    #[must_use]
+    pub fn with_flaws(mut self, flaws: Vec<Flaw>) -> Self {
+        self.flaws = flaws;
+        self
     }
 
     /// The robot at `z` prior deviations from its file.
@@ -188,7 +200,7 @@ impl<'a> Problem<'a> {
 
     /// The most probable values with their misfit, joints lagging or rolling.
     fn fitted(&mut self) -> Result<DVector<f64>> {
-        let mut z = DVector::zeros(self.unknowns.len());
+        let mut z = DVector::zeros(Residuals::unknowns(self));
         self.settle(&mut z)?;
         // From where the joints at rest agree with the sightings, rollouts have little left to do.
         if self.has_damping() {
@@ -246,7 +258,7 @@ impl<'a> Problem<'a> {
         let square = |(error, (_, sighting)): (Vector3<f64>, (&Session, &Sighting))| {
             whitening(&sighting.covariance_m2).map_or(f64::NAN, |whiten| (whiten * error).norm_squared())
         };
-        Ok(self.errors(&predictor, &self.lag(&predictor)).into_iter().zip(self.sightings()).map(square).collect())
+        Ok(self.errors(&predictor, &self.lag(&predictor), z).into_iter().zip(self.sightings()).map(square).collect())
     }
 
     /// Derivatives of the residuals, normalised by the sightings' covariance alone, per prior deviation of each unknown.
@@ -254,7 +266,7 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the model cannot be evaluated.
     pub fn sighting_jacobian(&self, z: &DVector<f64>) -> Result<Jacobian> {
-        let all: Vec<usize> = (0..self.unknowns.len()).collect();
+        let all: Vec<usize> = (0..Residuals::unknowns(self)).collect();
         let whiten: Vec<_> = self.sightings().map(|(_, s)| whitening(&s.covariance_m2).unwrap_or_else(Matrix3::zeros)).collect();
         self.derivatives(z, &all, &whiten)
     }
@@ -280,24 +292,27 @@ impl<'a> Problem<'a> {
         self.sessions.iter().flat_map(of_session).collect()
     }
 
-    /// Prediction less sighting [m].
-    fn errors(&self, predictor: &Predictor, lag: &Lag) -> Vec<Vector3<f64>> {
+    /// Prediction, with the cameras' flaws, less sighting [m].
+    fn errors(&self, predictor: &Predictor, lag: &Lag, z: &DVector<f64>) -> Vec<Vector3<f64>> {
         let mut errors = Vec::with_capacity(self.whiten.len());
         for session in self.sessions {
             let driving = predictor.driving(&session.motion);
             for sighting in &session.sightings {
                 let lag = lag.as_ref().map_or_else(Vector3::zeros, |lag| lag[errors.len()]);
-                errors.push(predictor.seen_lagging_m(&driving, sighting.time_s, &lag) - sighting.position_m);
+                let flawed: Vector3<f64> =
+                    self.flaws.iter().zip(z.iter().skip(self.unknowns.len())).map(|(flaw, &z)| flaw[errors.len()] * z).sum();
+                errors.push(predictor.seen_lagging_m(&driving, sighting.time_s, &lag) + flawed - sighting.position_m);
             }
         }
         errors
     }
 
     fn derivatives(&self, z: &DVector<f64>, columns: &[usize], whiten: &[Matrix3<f64>]) -> Result<Jacobian> {
-        let (swinging, resting): (Vec<usize>, Vec<usize>) =
-            columns.iter().partition(|k| matches!(self.joints, Joints::Rolling) && self.unknowns[**k].quantity.is_dynamic());
+        let (swinging, resting): (Vec<usize>, Vec<usize>) = columns
+            .iter()
+            .partition(|k| matches!(self.joints, Joints::Rolling) && self.unknowns.get(**k).is_some_and(|u| u.quantity.is_dynamic()));
         let lag = self.lag(&Predictor::new(&self.robot(z))?);
-        let at_rest = |z: &DVector<f64>| Ok(self.errors(&Predictor::new(&self.robot(z))?, &lag));
+        let at_rest = |z: &DVector<f64>| Ok(self.errors(&Predictor::new(&self.robot(z))?, &lag, z));
         let mut slopes: BTreeMap<usize, Vec<Vector3<f64>>> =
             resting.into_par_iter().map(|k| Ok((k, central_difference(at_rest, z, k)?))).collect::<Result<_>>()?;
         if !swinging.is_empty() {
@@ -311,7 +326,7 @@ impl<'a> Problem<'a> {
     fn rolled_columns(&self, z: &DVector<f64>, wanted: &[usize]) -> Result<BTreeMap<usize, Vec<Vector3<f64>>>> {
         let rolled = |z: &DVector<f64>| {
             let predictor = Predictor::new(&self.robot(z))?;
-            Ok(self.errors(&predictor, &self.lag(&predictor)))
+            Ok(self.errors(&predictor, &self.lag(&predictor), z))
         };
         // The lock is never held while others may work.
         let mut known = self.rolled.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -339,7 +354,7 @@ impl<'a> Problem<'a> {
 
     fn learn_misfit(&mut self, z: &DVector<f64>) -> Result<()> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let errors = self.errors(&predictor, &self.lag(&predictor));
+        let errors = self.errors(&predictor, &self.lag(&predictor), z);
         let residual = |((session, sighting), error): ((&Session, &Sighting), Vector3<f64>)| Residual {
             error,
             covariance: sighting.covariance_m2,
@@ -366,12 +381,12 @@ impl<'a> Problem<'a> {
 
 impl Residuals for Problem<'_> {
     fn unknowns(&self) -> usize {
-        self.unknowns.len()
+        self.unknowns.len() + self.flaws.len()
     }
 
     fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let errors = self.errors(&predictor, &self.lag(&predictor));
+        let errors = self.errors(&predictor, &self.lag(&predictor), z);
         Ok(errors.into_iter().zip(&self.whiten).map(|(error, whiten)| whiten * error).collect())
     }
 

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use raven::camera::Cameras;
-use raven::log::{CameraFrame, Part, Side, Stamp, frames};
+use raven::log::{CameraFrame, Side, Stamp, frames};
 use raven::{Error, Result};
 use rayon::prelude::*;
 
-use crate::frame::Frame;
+use crate::tracker::Frame;
 
 /// Frames that are decoded at a time. Two batches are in memory: 2 x 32 x 0.9 MB at 640x480.
 const BATCH: usize = 32;
@@ -25,43 +25,44 @@ pub struct Counts {
     pub out_of_order: usize,
 }
 
+impl Counts {
+    /// Frames that hold nothing which could be used.
+    #[must_use]
+    pub const fn lost(&self) -> usize {
+        self.undecodable + self.other_size
+    }
+}
+
 /// Decodes the frames of `log` and hands them to `take` in the order of time: both cameras' together, left first, where they are within
-/// `pair_within_s`, else one alone. Of a frame for which `part` says so, only that part is decoded for a start.
+/// `pair_within_s`, else one alone.
 ///
 /// # Errors
 /// If the log has no cameras or is damaged, or no frame of a camera has the size that was calibrated.
-pub fn for_each(
-    log: &Path,
-    cameras: &Cameras,
-    pair_within_s: f64,
-    part: impl Fn(Side, Stamp) -> Option<Part> + Sync + Send,
-    take: impl FnMut([Option<&Frame>; 2]) + Send,
-) -> Result<Counts> {
+pub fn for_each(log: &Path, cameras: &Cameras, pair_within_s: f64, take: impl FnMut([Option<&Frame>; 2]) + Send) -> Result<Counts> {
     let counts = Counts::default();
-    let mut source = Source { frames: Box::new(frames(log)?), cameras, part, counts, right_size: [0; 2], wrong_size: [None; 2] };
+    let mut source = Source { frames: Box::new(frames(log)?), cameras, counts, right_size: [0; 2], wrong_size: [None; 2] };
     let mut queue = Queue { waiting: Vec::new(), last: [None; 2], out_of_order: 0, pair_within_s, take };
     loop {
         let (next, ()) = rayon::join(|| source.next(), || queue.hand_over(1));
         let Some(next) = next? else { break };
         queue.waiting.extend(next);
-        queue.waiting.sort_by_key(|(side, frame)| (frame.stamp(), *side));
+        queue.waiting.sort_by_key(|(side, frame)| (frame.stamp, *side));
     }
     queue.hand_over(0);
     source.check_sizes(log)?;
     Ok(Counts { out_of_order: queue.out_of_order, ..source.counts })
 }
 
-struct Source<'c, P> {
+struct Source<'c> {
     frames: Box<dyn Iterator<Item = Result<CameraFrame>> + Send>,
     cameras: &'c Cameras,
-    part: P,
     counts: Counts,
     /// Frames of the calibrated size, and one of the other sizes, of each camera.
     right_size: [usize; 2],
     wrong_size: [Option<(u32, u32)>; 2],
 }
 
-impl<P: Fn(Side, Stamp) -> Option<Part> + Sync + Send> Source<'_, P> {
+impl Source<'_> {
     /// The next batch without what cannot be decoded or has another size; `None` at the end.
     fn next(&mut self) -> Result<Option<Vec<(Side, Frame)>>> {
         let encoded: Vec<CameraFrame> = self.frames.by_ref().take(BATCH).collect::<Result<_>>()?;
@@ -71,16 +72,14 @@ impl<P: Fn(Side, Stamp) -> Option<Part> + Sync + Send> Source<'_, P> {
         for frame in &encoded {
             self.counts.frames[frame.side as usize] += 1;
         }
-        let before = encoded.len();
-        let part = &self.part;
-        let mut decoded: Vec<(Side, Frame)> = encoded
-            .into_par_iter()
-            .filter(|frame| !frame.is_truncated())
-            .filter_map(|frame| Some((frame.side, Frame::decode(part(frame.side, frame.stamp), frame).ok()?)))
-            .collect();
-        self.counts.undecodable += before - decoded.len();
+        let whole = |frame: &CameraFrame| {
+            let image = if frame.is_truncated() { None } else { frame.decode_rgb().ok() };
+            image.map(|image| (frame.side, Frame { stamp: frame.stamp, image }))
+        };
+        let mut decoded: Vec<(Side, Frame)> = encoded.par_iter().filter_map(whole).collect();
+        self.counts.undecodable += encoded.len() - decoded.len();
         decoded.retain(|(side, frame)| {
-            let (size, k) = (frame.size(), *side as usize);
+            let (size, k) = (frame.image.dimensions(), *side as usize);
             let fits = size == calibrated(self.cameras, *side);
             if fits {
                 self.right_size[k] += 1;
@@ -136,9 +135,9 @@ impl<F: FnMut([Option<&Frame>; 2])> Queue<F> {
         let ready: Vec<(Side, Frame)> = ready
             .into_iter()
             .filter(|(side, frame)| {
-                let later = last[*side as usize].is_none_or(|last| frame.stamp() > last);
+                let later = last[*side as usize].is_none_or(|last| frame.stamp > last);
                 if later {
-                    last[*side as usize] = Some(frame.stamp());
+                    last[*side as usize] = Some(frame.stamp);
                 }
                 later
             })
@@ -151,7 +150,7 @@ impl<F: FnMut([Option<&Frame>; 2])> Queue<F> {
             rest = after;
             if let Some(((other, partner), after)) = rest.split_first()
                 && other != side
-                && partner.stamp().seconds_since(frame.stamp()) <= self.pair_within_s
+                && partner.stamp.seconds_since(frame.stamp) <= self.pair_within_s
             {
                 step[*other as usize] = Some(partner);
                 rest = after;

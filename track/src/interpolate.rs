@@ -38,18 +38,12 @@ pub struct Interpolated {
 }
 
 impl Track {
-    /// A track of frames at increasing times. `jitter_s` is the standard deviation of the stamps [s]; `None` takes [`stamp_jitter_s`].
+    /// A track of frames at increasing times that are known to `jitter_s` [s], one standard deviation.
     #[must_use]
-    pub fn new(samples: Vec<Sample>, jitter_s: Option<f64>) -> Self {
+    pub fn new(samples: Vec<Sample>, jitter_s: f64) -> Self {
         let times: Vec<f64> = samples.iter().map(|s| s.time_s).collect();
         let interval_s = median_step(&times).unwrap_or(0.0);
-        Self { samples, interval_s, jitter_s: jitter_s.unwrap_or_else(|| stamp_jitter_s(&times)) }
-    }
-
-    /// Standard deviation of the stamps [s].
-    #[must_use]
-    pub const fn jitter_s(&self) -> f64 {
-        self.jitter_s
+        Self { samples, interval_s, jitter_s }
     }
 
     /// The track at a time; `None` outside it, at a missing frame and where the marker was not seen in both frames around.
@@ -113,17 +107,6 @@ impl Track {
         let covariance = noise + velocity * velocity.transpose() * (self.jitter_s * self.jitter_s);
         Interpolated { pixel, covariance, velocity }
     }
-}
-
-/// Standard deviation of the stamps of a camera that runs freely at its own rate [s]: robust scatter of the steps around whole multiples of
-/// the frame interval, over the square root of two as a step has two ends. 0 with fewer than three frames.
-#[must_use]
-pub fn stamp_jitter_s(times_s: &[f64]) -> f64 {
-    let Some(interval) = median_step(times_s).filter(|&interval| interval > 0.0) else { return 0.0 };
-    let steps = times_s.windows(2).map(|pair| pair[1] - pair[0]);
-    let off: Vec<f64> = steps.map(|step| (step - interval * (step / interval).round().max(1.0)).abs()).collect();
-    // Median absolute deviation to standard deviation of a normal distribution.
-    raven::stats::median(&off).map_or(0.0, |mad| 1.4826 * mad / std::f64::consts::SQRT_2)
 }
 
 fn median_step(times_s: &[f64]) -> Option<f64> {

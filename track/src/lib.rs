@@ -7,32 +7,32 @@ pub mod batches;
 pub mod bits;
 pub mod centre;
 pub mod colour;
-pub mod frame;
 pub mod interpolate;
 pub mod lock;
 pub mod look;
 pub mod marker;
 pub mod outline;
 pub mod output;
+pub mod pace;
 pub mod patch;
 pub mod perspective;
 pub mod predict;
 mod refine;
 pub mod report;
+pub mod shared;
 pub mod sieve;
+pub mod stereo;
 pub mod tips;
 pub mod tracker;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use clap::Parser;
-use nalgebra::Vector3;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::{MotorSource, Recording, Side, Stamp, topics};
+use raven::log::{MotorSource, Recording, Side, topics};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
@@ -81,7 +81,8 @@ pub struct Args {
     /// Fit every ball until the weights of its pixels settle: slower, a little better.
     #[arg(long, conflicts_with = "centre")]
     pub refine: bool,
-    /// Standard deviation of the frames' stamps [s]; by default what the stamps themselves show.
+    /// Standard deviation of the frames' stamps [s], which are then taken as they are; by default the cameras' steady pace is found behind
+    /// them.
     #[arg(long, value_name = "S", value_parser = jitter)]
     pub stamp_jitter: Option<f64>,
 }
@@ -134,22 +135,16 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
     let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
     let bar = cli::progress(frames[0] + frames[1], "tracking");
-    // Most of a frame is never looked at; where the motors do not say what is, all of it may be.
-    let offset_m = Mutex::new(Vector3::zeros());
-    let part = |side: Side, stamp: Stamp| {
-        let offset_m = *offset_m.lock().unwrap_or_else(PoisonError::into_inner);
-        let expected = predict::view(&cameras, side, &(predictor.tip(stamp)? + offset_m))?;
-        Some(look::likely_part(&expected, args.marker_radius))
-    };
-    let counts = batches::for_each(&args.log, &cameras, pair_within_s, part, |step| {
+    let counts = batches::for_each(&args.log, &cameras, pair_within_s, |step| {
         tracker.step(step);
-        *offset_m.lock().unwrap_or_else(PoisonError::into_inner) = tracker.offset_m();
         bar.inc(step.iter().flatten().count() as u64);
     })?;
     bar.finish_and_clear();
     let (records, without_motor) = tracker.finish();
     let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), &records, args.stamp_jitter);
-    let contents = output::Contents { tips: &tips.tips, records: &records, robot: &robot_text, cameras: &cameras_text };
+    let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
+    let contents =
+        output::Contents { tips: &tips.tips, metadata: &metadata, records: &records, robot: &robot_text, cameras: &cameras_text };
     let report = Report::new(&tips, &records, counts, without_motor, 0.0);
     if report.seen == 0 {
         return Err(never_seen(&args, &records, counts.undecodable));

@@ -2,12 +2,11 @@
 
 use std::f64::consts::PI;
 
+use image::RgbImage;
 use nalgebra::Vector2;
 use raven::camera::Pinhole;
-use raven::log::Part;
 
 use crate::colour::MarkerColour;
-use crate::frame::Frame;
 use crate::lock::Size;
 use crate::marker::{Blob, Blobs, Centre, Region};
 use crate::perspective::ball_centre;
@@ -19,20 +18,9 @@ pub const REGION_PX: f64 = 100.0;
 const FIRST_REGION_PX: f64 = 300.0;
 /// The region is at least so many radii of the marker wide.
 const REGION_RADII: f64 = 8.0;
-/// What is decoded of a frame reaches so far beyond the smallest region, as it is decoded a batch ahead and the tip's difference from where
-/// the motors put it changes [px].
-const BEYOND_PX: f64 = 16.0;
 /// What is flatter or less like an ellipse is no ball, even in motion.
 const MIN_ASPECT: f64 = 0.6;
 const MIN_FILL: f64 = 0.9;
-
-/// What of a frame will be looked at, most likely, where the marker is expected there.
-#[must_use]
-pub fn likely_part(expected: &View, radius_m: f64) -> Part {
-    let side = REGION_PX.max(REGION_RADII * radius_m * expected.px_per_m) + 2.0 * BEYOND_PX;
-    let Region { x, y, width, height } = Region::around(&expected.pixel, side as u32);
-    Part { columns: x..x + width, rows: y..y + height }
-}
 
 /// What the marker looks like.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,13 +66,12 @@ impl Search {
     /// Candidates around the expected place, the largest first. Where a blob reaches over the edge of the region, a region twice as wide
     /// is searched.
     #[must_use]
-    pub fn look(&self, frame: &Frame, expected: &View) -> Vec<Candidate> {
+    pub fn look(&self, image: &RgbImage, expected: &View) -> Vec<Candidate> {
         let radius_px = self.marker.radius_m * expected.px_per_m;
         let mut side = self.side_px.max(REGION_RADII * radius_px);
         loop {
             let region = Region::around(&expected.pixel, side as u32);
-            let image = frame.at(region);
-            let blobs = Blobs::find(&image, Some(region), &self.marker.colour);
+            let blobs = Blobs::find(image, Some(region), &self.marker.colour);
             let candidates: Vec<Candidate> = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, radius_px)).collect();
             if !candidates.is_empty() || side >= self.largest_px() || !blobs.found.iter().any(|blob| blob.cut_off) {
                 return candidates;

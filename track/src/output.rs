@@ -1,5 +1,6 @@
 //! The tracked log: what came from the robot byte for byte, the tip, and the files it was made with.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use raven::Result;
@@ -9,6 +10,8 @@ use crate::tracker::{Record, Sighting};
 
 const ROBOT: &str = "robot.yaml";
 const CAMERAS: &str = "cameras.yaml";
+/// Name of the metadata record about the tips.
+const TIP: &str = "tip";
 const YAML: &str = "application/yaml";
 
 /// What goes into a tracked log beside what the recording has.
@@ -18,6 +21,8 @@ pub struct Contents<'a> {
     pub tips: &'a [TipObservation],
     /// What was seen in the frames of each camera.
     pub records: &'a [Vec<Record>; 2],
+    /// What is said about the tips beside each one's covariance.
+    pub metadata: &'a BTreeMap<String, String>,
     /// Text of the robot file.
     pub robot: &'a str,
     /// Text of the cameras file.
@@ -47,8 +52,8 @@ pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<
                 }
             }
             Item::Attachment(attachment) if ![ROBOT, CAMERAS].contains(&attachment.name.as_str()) => log.copy_attachment(&attachment)?,
-            Item::Metadata(name, pairs) => log.metadata(&name, &pairs)?,
-            Item::Start(_) | Item::Channel(_) | Item::Attachment(_) => {}
+            Item::Metadata(name, pairs) if name != TIP => log.metadata(&name, &pairs)?,
+            Item::Start(_) | Item::Channel(_) | Item::Attachment(_) | Item::Metadata(..) => {}
         }
         Ok(())
     })?;
@@ -57,6 +62,7 @@ pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<
         log.tip(tip)?;
     }
     draw(&mut log, contents.records)?;
+    log.metadata(TIP, contents.metadata)?;
     log.attachment(ROBOT, YAML, contents.robot.as_bytes())?;
     log.attachment(CAMERAS, YAML, contents.cameras.as_bytes())?;
     log.finish()

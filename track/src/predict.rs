@@ -44,6 +44,12 @@ impl<'r> Predictor<'r> {
         Some(self.arm.kinematics.forward(&self.arm.transmission.joint_from_motor(&motor)))
     }
 
+    /// The tip where the encoders are set [m, frame 0].
+    #[must_use]
+    pub fn hard_stop_tip(&self) -> Vector3<f64> {
+        self.arm.kinematics.forward(&self.arm.hard_stop)
+    }
+
     /// Time of a frame since the start of the recording [s].
     #[must_use]
     pub fn seconds(&self, frame: Stamp) -> f64 {

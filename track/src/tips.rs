@@ -1,10 +1,11 @@
 //! Tip observations from the two cameras' tracks: one for each left frame, with the right track interpolated at its time.
 
-use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector3};
-use raven::camera::Cameras;
+use nalgebra::{Isometry3, Matrix2, Matrix3, Matrix3x4, Matrix4, Point3, Vector3};
+use raven::camera::{Cameras, StereoPoint};
 use raven::log::{Stamp, TipObservation, TipStatus};
 
-use crate::interpolate::{Sample, Track};
+use crate::interpolate::Interpolated;
+use crate::stereo::StereoTrack;
 use crate::tracker::{CALIBRATION_STD_PX, EPIPOLAR_CHI2, Record, Sighting};
 
 /// Observations and what was found out on the way.
@@ -14,36 +15,26 @@ pub struct Tips {
     pub tips: Vec<TipObservation>,
     /// Median of the stamp of the nearest right frame minus that of each left frame [s].
     pub right_minus_left_s: f64,
-    /// Standard deviation of the stamps that the covariance holds, left and right [s].
+    /// Standard deviation of the stamps about the cameras' pace, left and right [s].
     pub jitter_s: [f64; 2],
 }
 
 /// Triangulates the marker at every left frame.
 ///
-/// The covariance holds the noise of both centres, carried through the interpolation, and the scatter of the stamps times the velocity in
-/// the image: `jitter_s`, or what the stamps themselves show. It does not hold what all observations have in common: calibration,
-/// registration, latency, and the part of the marker that the shaft hides.
+/// The covariance holds what differs from frame to frame: the noise of both centres, carried through the interpolation, and how well the
+/// times of the frames are known, times the velocity in the image (see [`crate::pace`]). It does not hold what all observations have in
+/// common: calibration, registration, latency, and the part of the marker that the shaft hides.
 #[must_use]
 pub fn tips(cameras: &Cameras, base_from_left: &Isometry3<f64>, frame_id: &str, records: &[Vec<Record>; 2], jitter_s: Option<f64>) -> Tips {
     let [left, right] = records;
-    let origin = left.iter().chain(right).map(|r| r.stamp).min().unwrap_or_default();
-    let track = |records: &[Record]| {
-        let sample = |record: &Record| Sample {
-            time_s: record.stamp.seconds_since(origin),
-            centre: match record.sighting {
-                Sighting::Seen(candidate) => Some((candidate.centre, candidate.std_px)),
-                Sighting::Hidden | Sighting::Rejected(_) => None,
-            },
-        };
-        Track::new(records.iter().map(sample).collect(), jitter_s)
-    };
-    let tracks = [track(left), track(right)];
+    let stereo = StereoTrack::new(records, jitter_s, cameras.right_minus_left_s);
     let tips = left
         .iter()
-        .map(|record| {
-            let seen = tracks.each_ref().map(|t| t.at(record.stamp.seconds_since(origin)));
+        .enumerate()
+        .map(|(i, record)| {
+            let seen = stereo.at_left(i);
             let observation = |status| TipObservation {
-                stamp: record.stamp.plus_seconds(-cameras.latency_s),
+                stamp: stereo.stamp(i).plus_seconds(-cameras.latency_s),
                 frame_id: frame_id.to_owned(),
                 status,
                 left_px: seen[0].map_or([f64::NAN; 2], |s| s.pixel.into()),
@@ -56,11 +47,8 @@ pub fn tips(cameras: &Cameras, base_from_left: &Isometry3<f64>, frame_id: &str, 
                     matches!(record.sighting, Sighting::Rejected(_)) || (seen[0].is_some() && is_rejected_near(right, record.stamp));
                 return observation(if rejected { TipStatus::Jumped } else { TipStatus::Occluded });
             };
-            let calibration = Matrix2::identity() * (CALIBRATION_STD_PX * CALIBRATION_STD_PX);
-            let pixels = [l.pixel, r.pixel];
-            let meet = cameras.triangulate(&pixels, &[l.covariance + calibration, r.covariance + calibration]);
-            match cameras.triangulate(&pixels, &[l.covariance, r.covariance]) {
-                Some(point) if meet.is_some_and(|m| m.chi2 < EPIPOLAR_CHI2) => {
+            match triangulate(cameras, &[l, r]) {
+                Some(point) => {
                     let rotation = base_from_left.rotation.to_rotation_matrix();
                     TipObservation {
                         position_m: (base_from_left * Point3::from(point.point_left)).coords,
@@ -68,11 +56,51 @@ pub fn tips(cameras: &Cameras, base_from_left: &Isometry3<f64>, frame_id: &str, 
                         ..observation(TipStatus::Seen)
                     }
                 }
-                _ => observation(TipStatus::Jumped),
+                None => observation(TipStatus::Jumped),
             }
         })
         .collect();
-    Tips { tips, right_minus_left_s: right_minus_left_s(left, right), jitter_s: tracks.map(|t| t.jitter_s()) }
+    Tips { tips, right_minus_left_s: right_minus_left_s(left, right), jitter_s: stereo.jitter_s() }
+}
+
+/// What light and lens do to both centres alike, one sigma per axis [px]: both cameras see the ball from one side, lit from one side, so
+/// that what the fit of [`crate::centre`] misses of its shade moves both the same way. The size is what the fit allows for a camera's
+/// unknown response.
+const ALIKE_STD_PX: f64 = 0.05;
+/// Step of the difference quotients [px].
+const STEP_PX: f64 = 0.01;
+
+/// The point that both cameras see; `None` where their rays do not meet, the calibration's error allowed for.
+///
+/// Its covariance is that of both pixels, of which a part is [alike](ALIKE_STD_PX): it moves the point sideways, and not in depth.
+#[must_use]
+pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<StereoPoint> {
+    let pixels = seen.map(|s| s.pixel);
+    let calibration = Matrix2::identity() * (CALIBRATION_STD_PX * CALIBRATION_STD_PX);
+    let meet = cameras.triangulate(&pixels, &seen.map(|s| s.covariance + calibration))?;
+    if meet.chi2 >= EPIPOLAR_CHI2 {
+        return None;
+    }
+    let covariances = seen.map(|s| s.covariance);
+    let point = cameras.triangulate(&pixels, &covariances)?;
+    let mut slope = Matrix3x4::zeros();
+    for k in 0..4 {
+        let at = |step: f64| {
+            let mut moved = pixels;
+            moved[k / 2][k % 2] += step;
+            cameras.triangulate(&moved, &covariances).map(|point| point.point_left)
+        };
+        slope.set_column(k, &((at(STEP_PX)? - at(-STEP_PX)?) / (2.0 * STEP_PX)));
+    }
+    let mut of_pixels = Matrix4::zeros();
+    of_pixels.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariances[0]);
+    of_pixels.fixed_view_mut::<2, 2>(2, 2).copy_from(&covariances[1]);
+    for axis in 0..2 {
+        let alike = covariances.iter().map(|c| c[(axis, axis)]).fold(ALIKE_STD_PX * ALIKE_STD_PX, f64::min);
+        of_pixels[(axis, axis + 2)] = alike;
+        of_pixels[(axis + 2, axis)] = alike;
+    }
+    Some(StereoPoint { covariance: slope * of_pixels * slope.transpose(), ..point })
 }
 
 /// The frames before and after a time, of which either may be missing.
@@ -89,7 +117,8 @@ fn is_rejected_near(records: &[Record], stamp: Stamp) -> bool {
 }
 
 /// Median over the left frames of the offset of the nearest right frame [s]; NaN without frames.
-fn right_minus_left_s(left: &[Record], right: &[Record]) -> f64 {
+#[must_use]
+pub fn right_minus_left_s(left: &[Record], right: &[Record]) -> f64 {
     let nearest = |record: &Record| {
         let offsets = around(right, record.stamp).into_iter().flatten().map(|r| r.stamp.seconds_since(record.stamp));
         offsets.min_by(|a, b| a.abs().total_cmp(&b.abs()))

@@ -4,11 +4,11 @@
 //! tip, up to a difference that changes slowly (see [`crate::lock`]). Frames of the two cameras that are not taken at the same time are
 //! compared after moving the right one by the predicted motion between them; the track itself is free of that.
 
+use image::RgbImage;
 use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector2, Vector3};
 use raven::camera::Cameras;
 use raven::log::{Side, Stamp};
 
-use crate::frame::Frame;
 use crate::lock::Lock;
 use crate::look::{Candidate, Marker, Search};
 use crate::predict::{Predictor, View, view};
@@ -19,6 +19,15 @@ pub const CALIBRATION_STD_PX: f64 = 0.5;
 pub const EPIPOLAR_CHI2: f64 = 15.1;
 /// Standard deviation of a candidate's area, logarithmic: mask edges, light, motion blur.
 const AREA_STD: f64 = 0.3;
+
+/// A decoded frame.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// When it was taken.
+    pub stamp: Stamp,
+    /// Its pixels.
+    pub image: RgbImage,
+}
 
 /// What became of the marker in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,14 +101,8 @@ impl<'a> Tracker<'a> {
                 Sighting::Hidden => self.without_motor += 1,
                 Sighting::Rejected(_) => {}
             }
-            self.records[k].push(Record { stamp: frame.stamp(), sighting: sightings[k] });
+            self.records[k].push(Record { stamp: frame.stamp, sighting: sightings[k] });
         }
-    }
-
-    /// By how much the tip differs from where the motors put it, as last seen [m, frame 0].
-    #[must_use]
-    pub fn offset_m(&self) -> Vector3<f64> {
-        self.lock.offset_m()
     }
 
     /// What was seen, left and right, and the number of frames at whose time the log has no motor angles.
@@ -109,10 +112,10 @@ impl<'a> Tracker<'a> {
     }
 
     fn look(&self, side: Side, frame: &Frame) -> Option<Look> {
-        let tip = self.predictor.tip(frame.stamp())?;
+        let tip = self.predictor.tip(frame.stamp)?;
         let expected = view(self.cameras, side, &(tip + self.lock.offset_m()))?;
-        let candidates = self.search[side as usize].look(frame, &expected);
-        Some(Look { stamp: frame.stamp(), tip, expected, candidates })
+        let candidates = self.search[side as usize].look(&frame.image, &expected);
+        Some(Look { stamp: frame.stamp, tip, expected, candidates })
     }
 
     fn decide(&mut self, looks: &[Option<Look>; 2]) -> [Sighting; 2] {

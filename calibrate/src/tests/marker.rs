@@ -22,6 +22,7 @@ fn cameras() -> Cameras {
         right_from_left: Isometry3::new(Vector3::new(-0.0481, 0.0, 0.0), Vector3::new(0.0005, -0.004, 0.001)),
         base_from_left: None,
         latency_s: 0.0,
+        right_minus_left_s: 0.0,
         quality: Quality::default(),
     }
 }

@@ -1,9 +1,11 @@
 //! Whole calibrations of simulated cameras, rendered boards, the commands, and real pictures where they are at hand.
 
+mod apart;
 mod commands;
 mod corners;
 mod coverage;
 mod exact;
+mod from_motion;
 mod halves;
 mod hard;
 mod marker;

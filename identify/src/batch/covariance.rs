@@ -66,11 +66,11 @@ impl Curvature {
         scatter / expected * count / left
     }
 
-    /// Standard deviations of the unknowns in `free`, in prior deviations, while those in `held` stay at their prior.
+    /// Covariance of the unknowns in `free`, in prior deviations, while those in `held` stay at their prior.
     #[must_use]
-    pub fn std(&self, free: &[usize], held: &[usize]) -> Vec<f64> {
+    pub fn covariance(&self, free: &[usize], held: &[usize]) -> DMatrix<f64> {
         let n = free.len();
-        let Some(posterior) = self.posterior(free) else { return vec![1.0; n] };
+        let Some(posterior) = self.posterior(free) else { return DMatrix::identity(n, n) };
         let inverse = posterior.inverse();
         let mut by_blocks = DMatrix::zeros(n, n);
         for (information, score) in &self.blocks {
@@ -81,7 +81,10 @@ impl Curvature {
         let singly = &inverse * self.single.select_rows(free).select_columns(free) * &inverse;
         let prior = &inverse * &inverse;
         let moved = &inverse * self.information.select_rows(free).select_columns(held);
-        (0..n).map(|k| (by_blocks[(k, k)].max(singly[(k, k)]) + prior[(k, k)] + moved.row(k).norm_squared()).sqrt()).collect()
+        // Where blocks scatter less than single residuals, by chance, they are raised to these.
+        let raise = DVector::from_fn(n, |k, _| (singly[(k, k)] / by_blocks[(k, k)]).max(1.0).sqrt());
+        let raised = DMatrix::from_fn(n, n, |k, l| raise[k] * raise[l] * by_blocks[(k, l)]);
+        raised + prior + &moved * moved.transpose()
     }
 
     fn with_prior(&self, free: &[usize]) -> DMatrix<f64> {

@@ -10,7 +10,7 @@ mod covariance;
 mod gauss_newton;
 mod robust;
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use raven::Result;
 use rayon::prelude::*;
 
@@ -55,6 +55,8 @@ pub struct Estimate {
     pub z: DVector<f64>,
     /// Standard deviations; of a held unknown what the log left of its prior's.
     pub std: Vec<f64>,
+    /// Their covariance; held unknowns count as unrelated to the others.
+    pub covariance: DMatrix<f64>,
     /// Whether the log determined it.
     pub identified: Vec<bool>,
     /// Whitened residuals at the estimate.
@@ -89,14 +91,19 @@ pub fn estimate(problem: &impl Residuals, may_hold: &[bool], start: &DVector<f64
     loop {
         let (minimum, curvature) = tempered(problem, &free, &block, &mut tempering, &z)?;
         z.clone_from(&minimum.z);
-        for (&k, deviation) in free.iter().zip(curvature.std(&free, &held)) {
-            std[k] = deviation;
+        let among_free = curvature.covariance(&free, &held);
+        for (i, &k) in free.iter().enumerate() {
+            std[k] = among_free[(i, i)].sqrt();
         }
         let lost = |k: &usize| may_hold[*k] && std[*k] > IDENTIFIED_BELOW;
         let worst = free.iter().copied().filter(lost).max_by(|&a, &b| std[a].total_cmp(&std[b]));
         let Some(worst) = worst else {
             let identified = (0..n).map(|k| !held.contains(&k) && std[k] <= IDENTIFIED_BELOW).collect();
-            return Ok(Estimate { z, std, identified, residuals: minimum.residuals, scale: minimum.loss.scale, tempering });
+            let mut covariance = DMatrix::from_diagonal(&DVector::from_iterator(n, std.iter().map(|std| std * std)));
+            for (i, &k) in free.iter().enumerate() {
+                free.iter().enumerate().for_each(|(j, &l)| covariance[(k, l)] = among_free[(i, j)]);
+            }
+            return Ok(Estimate { z, std, covariance, identified, residuals: minimum.residuals, scale: minimum.loss.scale, tempering });
         };
         free.retain(|&k| k != worst);
         held.push(worst);

@@ -60,7 +60,8 @@ pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> R
     problem.adopt(run.scatter.misfit(), &posterior.z)?;
     let residuals = problem.residuals(&posterior.z)?;
     let std = posterior.std(tempering);
-    let estimate = Estimate { identified: posterior.identified(&std), z: posterior.z, std, residuals, scale: 1.0, tempering };
+    let (identified, covariance) = (posterior.identified(&std), posterior.covariance(tempering));
+    let estimate = Estimate { z: posterior.z, std, covariance, identified, residuals, scale: 1.0, tempering };
     Ok((estimate, run.trace.widened(tempering)))
 }
 

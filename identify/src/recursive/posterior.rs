@@ -63,6 +63,13 @@ impl Posterior {
         self.covariance.diagonal().iter().map(|variance| (variance.max(0.0) * tempering).sqrt().min(1.0)).collect()
     }
 
+    /// Covariance, with the deviations of [`Self::std`].
+    pub fn covariance(&self, tempering: f64) -> DMatrix<f64> {
+        let std = self.std(tempering);
+        let scale = DVector::from_fn(std.len(), |k, _| std[k] / self.covariance[(k, k)].max(f64::MIN_POSITIVE).sqrt());
+        DMatrix::from_fn(std.len(), std.len(), |k, l| scale[k] * scale[l] * self.covariance[(k, l)])
+    }
+
     /// Which unknowns the logs determined.
     pub fn identified(&self, std: &[f64]) -> Vec<bool> {
         std.iter().zip(&self.held).map(|(&std, &held)| !held && std <= IDENTIFIED_BELOW).collect()

@@ -32,6 +32,11 @@ pub struct Quality {
     pub registration_translation_std_m: Option<[f64; 3]>,
     /// Standard deviation of the latency [s].
     pub latency_std_s: Option<f64>,
+    /// Standard deviation of the right images' latency beyond that of the left ones [s].
+    pub right_minus_left_std_s: Option<f64>,
+    /// Standard deviation of the disparity at the boards' mean distance, in the middle of the left image: what the whole calibration
+    /// leaves unknown of the depth there [px].
+    pub disparity_std_px: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -43,6 +48,8 @@ struct CamerasFile {
     base_from_left: Option<Pose>,
     #[serde(default)]
     latency: f64,
+    #[serde(default)]
+    right_minus_left: f64,
     #[serde(default)]
     quality: Quality,
 }
@@ -89,10 +96,13 @@ impl Cameras {
                 right_from_left: isometry("right_from_left", &file.right_from_left)?,
                 base_from_left: file.base_from_left.as_ref().map(|p| isometry("base_from_left", p)).transpose()?,
                 latency_s: file.latency,
+                right_minus_left_s: file.right_minus_left,
                 quality: file.quality,
             };
-            if file.latency.is_nan() || file.latency.abs() >= 5.0 {
-                return Err(format!("latency is {}, expected seconds. Is it in milliseconds?", file.latency));
+            for (key, seconds) in [("latency", file.latency), ("right_minus_left", file.right_minus_left)] {
+                if seconds.is_nan() || seconds.abs() >= 5.0 {
+                    return Err(format!("{key} is {seconds}, expected seconds. Is it in milliseconds?"));
+                }
             }
             let baseline = cameras.baseline_m();
             if !(1e-4..5.0).contains(&baseline) {
@@ -124,6 +134,9 @@ impl Cameras {
             text += &pose("base_from_left", base_from_left);
         }
         let _ = writeln!(text, "latency: {}", yaml_float(self.latency_s));
+        if self.right_minus_left_s != 0.0 {
+            let _ = writeln!(text, "right_minus_left: {}", yaml_float(self.right_minus_left_s));
+        }
         text += &self.quality.to_yaml();
         text
     }
@@ -138,6 +151,8 @@ impl Quality {
             ("stereo_rms_px", self.stereo_rms_px),
             ("baseline_std_m", self.baseline_std_m),
             ("latency_std_s", self.latency_std_s),
+            ("right_minus_left_std_s", self.right_minus_left_std_s),
+            ("disparity_std_px", self.disparity_std_px),
         ] {
             if let Some(value) = value {
                 let _ = writeln!(lines, "  {key}: {}", yaml_float(value));

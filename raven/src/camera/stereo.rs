@@ -17,6 +17,8 @@ pub struct Cameras {
     pub base_from_left: Option<Isometry3<f64>>,
     /// By how much an image shows the past of its stamp [s].
     pub latency_s: f64,
+    /// By how much more a right image shows the past of its stamp than a left one [s].
+    pub right_minus_left_s: f64,
     /// How good the calibration was, as far as it is known.
     pub quality: Quality,
 }

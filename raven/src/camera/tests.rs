@@ -19,6 +19,7 @@ fn pair() -> Cameras {
         right_from_left: Isometry3::new(Vector3::new(-0.048, 0.0, 0.0), Vector3::new(0.001, 0.004, -0.002)),
         base_from_left: Some(Isometry3::new(Vector3::new(-0.05, -0.4, 0.01), Vector3::new(1.2, 1.2, -1.2))),
         latency_s: 0.02,
+        right_minus_left_s: 0.0015,
         quality: Quality { left_rms_px: Some(0.19), left_std: Some([0.5, 0.5, 1.0, 1.0]), ..Quality::default() },
     }
 }

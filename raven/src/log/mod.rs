@@ -11,7 +11,6 @@ mod converter;
 mod frames;
 mod header;
 mod joints;
-mod jpeg;
 mod live;
 mod pixels;
 mod protobuf;
@@ -30,7 +29,6 @@ mod write_protobuf;
 mod writer;
 
 pub use frames::{CameraFrame, FrameData, Side, frame_stamps, frames};
-pub use jpeg::Part;
 pub use live::{active_name, complete};
 pub use protobuf::{ClockSample, FrameMeta};
 pub use quality::{GAP_FACTOR, StreamQuality};

@@ -4,11 +4,11 @@
 
 use image::{GrayImage, ImageReader, RgbImage};
 
-use super::{CameraFrame, FrameData, Part, jpeg};
+use super::{CameraFrame, FrameData};
 use crate::{Error, Result};
 
 /// Larger images are damage, not data.
-pub(super) const LARGEST_SIDE: u32 = 16_384;
+const LARGEST_SIDE: u32 = 16_384;
 
 /// Layouts of raw frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,20 +71,6 @@ impl CameraFrame {
             Layout::Uyvy => out.extend(row.as_chunks().0.iter().flat_map(|&[u, y0, v, y1]| two_rgb(y0, y1, u, v))),
         });
         RgbImage::from_raw(width, height, pixels).ok_or_else(|| self.bad("its rows are incomplete"))
-    }
-
-    /// The frame in colour where `part` is; elsewhere it is black or as well right. A tenth of the time of a whole frame, for a small part.
-    ///
-    /// Its pixels may differ by a few grey levels from those of [`CameraFrame::decode_rgb`], which rounds differently, but not with the part.
-    ///
-    /// # Errors
-    /// Those of [`CameraFrame::decode_rgb`].
-    pub fn decode_rgb_part(&self, part: &Part) -> Result<RgbImage> {
-        let partly = match &self.data {
-            FrameData::Jpeg(bytes) => jpeg::decode(bytes, part),
-            FrameData::Raw { .. } => None,
-        };
-        partly.map_or_else(|| self.decode_rgb(), Ok)
     }
 
     /// The frame's luma.

@@ -143,16 +143,17 @@ pub fn shots(left: &[Exposure], right: &[Exposure]) -> Vec<Shot> {
     in_order(shots)
 }
 
-/// One pair per pose, each held for a second: the first frame of either camera after its middle.
+/// One pair per pose, each held for a second: the first left frame after its middle, and the right one nearest to it.
 #[must_use]
 pub fn stills(left: &[Exposure], right: &[Exposure], poses: usize) -> Vec<Shot> {
     let mut shots = Vec::new();
     for pose in 0..poses {
         let held_s = pose as f64 + 0.5;
-        for (side, exposures) in [(Side::Left, left), (Side::Right, right)] {
-            if let Some(&exposure) = exposures.get(exposures.partition_point(|e| e.time_s < held_s)) {
-                shots.push(Shot { side, exposure, pose });
-            }
+        let Some(&exposure) = left.get(left.partition_point(|e| e.time_s < held_s)) else { continue };
+        shots.push(Shot { side: Side::Left, exposure, pose });
+        let apart_s = |e: &Exposure| (e.stamp_s - exposure.stamp_s).abs();
+        if let Some(&exposure) = right.iter().min_by(|a, b| apart_s(a).total_cmp(&apart_s(b))) {
+            shots.push(Shot { side: Side::Right, exposure, pose });
         }
     }
     in_order(shots)
@@ -202,4 +203,30 @@ fn in_both(board: &Board, cameras: &Cameras, pose: &Isometry3<f64>) -> bool {
             let pixels = cameras.project(&(pose * corner).coords);
             pixels.is_some_and(|[left, right]| cameras.left.contains(&left, 3.0) && cameras.right.contains(&right, 3.0))
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frames_of_a_still_are_less_than_half_a_period_apart() {
+        let exposures = |phase: f64| {
+            let one = |k: u32| Exposure {
+                sequence: k,
+                time_s: (f64::from(k) + phase) / 15.0,
+                stamp_s: (f64::from(k) + phase) / 15.0,
+                hidden: false,
+            };
+            (0..75).map(one).collect::<Vec<_>>()
+        };
+        for phase in [0.0, 0.2, 0.45, 0.55, 0.8, 0.99] {
+            let shots = stills(&exposures(0.49), &exposures(phase), 4);
+            assert_eq!(shots.len(), 8);
+            for pair in shots.chunks(2) {
+                assert_ne!(pair[0].side, pair[1].side);
+                assert!((pair[0].exposure.stamp_s - pair[1].exposure.stamp_s).abs() <= 0.5 / 15.0 + 1e-9);
+            }
+        }
+    }
 }

@@ -47,6 +47,7 @@ impl Rig {
             right_from_left: Isometry3::from_parts(Translation3::from(shift), turn),
             base_from_left: Some(base_from_left),
             latency_s: 0.0,
+            right_minus_left_s: 0.0,
             quality: Quality::default(),
         }
     }

@@ -1,14 +1,14 @@
 //! How close the centres come to the Cramer-Rao bound on balls by the renderer of [`super::exact`].
 
 use image::RgbImage;
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use raven::log::{CameraFrame, FrameData, Side, Stamp};
 use rayon::prelude::*;
 
-use super::exact::{Drawn, SIDE};
+use super::exact::{Drawn, SIDE, Shade};
 use crate::colour::MarkerColour;
 use crate::marker::{Blobs, Centre};
 
@@ -28,23 +28,12 @@ fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) ->
     (0..kinds.len()).map(|k| (squares.iter().map(|s| s[k]).sum::<f64>() / (2.0 * TRIALS as f64)).sqrt()).collect()
 }
 
-/// Through a webcam's JPEG file, a sample of chroma for so many columns and rows.
-fn compressed(mut image: RgbImage, quality: u8, sampling: SamplingFactor) -> RgbImage {
-    let (across, down) = (2, if matches!(sampling, SamplingFactor::F_2_2) { 2 } else { 1 });
-    // The encoder takes the chroma of one pixel: all of them get their mean first, as a camera sends it.
-    for (x, y) in (0..SIDE as u32).step_by(down).flat_map(|y| (0..SIDE as u32).step_by(across).map(move |x| (x, y))) {
-        let block = || (0..down as u32).flat_map(|v| (0..across as u32).map(move |u| (x + u, y + v)));
-        let luma = |rgb: Vector3<f64>| rgb.dot(&Vector3::new(0.299, 0.587, 0.114));
-        let at = |image: &RgbImage, (u, v)| Vector3::from(image.get_pixel(u, v).0.map(f64::from));
-        let mean = block().map(|p| at(&image, p)).sum::<Vector3<f64>>() / (across * down) as f64;
-        for p in block() {
-            let own = mean + Vector3::repeat(luma(at(&image, p)) - luma(mean));
-            image.get_pixel_mut(p.0, p.1).0 = own.map(|v| v.round().clamp(0.0, 255.0) as u8).into();
-        }
-    }
+/// Through a webcam's JPEG file; a sample of chroma is the mean of its pixels.
+fn compressed(image: &RgbImage, quality: u8, sampling: SamplingFactor) -> RgbImage {
     let mut jpeg = Vec::new();
     let mut encoder = Encoder::new(&mut jpeg, quality);
     encoder.set_sampling_factor(sampling);
+    encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
     encoder.encode(image.as_raw(), SIDE as u16, SIDE as u16, ColorType::Rgb).unwrap();
     let frame = CameraFrame {
         side: Side::Left,
@@ -65,10 +54,10 @@ fn raw_frames_come_near_the_bound() {
     for light in [Vector3::zeros(), Vector3::new(-0.2, -0.5, -0.4)] {
         for (radius_px, noise) in [(5.0, 2.0), (5.0, 5.0), (8.0, 2.0), (8.0, 5.0), (12.0, 2.0), (12.0, 5.0)] {
             let drawn = Drawn { light, ..Drawn::disc(radius_px) };
-            let bound = drawn.bound_px(noise);
+            let [law, bound] = [Shade::Law, Shade::Smooth].map(|known| drawn.bound_px(noise, known));
             let [contour, ball, refined] = rms_px(drawn, noise, &KINDS, |image| image).try_into().unwrap();
             let case = format!(
-                "light {:.1}, radius {radius_px} px, noise {noise}: bound {bound:.4} px, contour {contour:.4} ({:.1}), ball {ball:.4} ({:.2}), \
+                "light {:.1}, radius {radius_px} px, noise {noise}: bound {bound:.4} px ({law:.4} with the law of the shade), contour {contour:.4} ({:.1}), ball {ball:.4} ({:.2}), \
                  refined {refined:.4} ({:.2})",
                 light.norm(),
                 contour / bound,
@@ -76,9 +65,8 @@ fn raw_frames_come_near_the_bound() {
                 refined / bound
             );
             eprintln!("{case}");
-            // The bound of a lit ball is that of an estimate which knows the law of its shade; the fit only knows that shade is smooth.
-            let refined_limit = if light == Vector3::zeros() { 1.2 } else { 1.45 };
-            if ball > 1.8 * bound || refined > refined_limit * bound {
+            // The bound is that of an estimate which knows of shade what the fit does: that it is smooth.
+            if ball > 1.8 * bound || refined > 1.2 * bound {
                 beyond.push(case);
             }
         }
@@ -90,14 +78,15 @@ fn raw_frames_come_near_the_bound() {
 fn compressed_frames_cost_little() {
     let mut beyond = Vec::new();
     // Chroma for every second column, as webcams send it, and for every second row as well: there a small ball is only a few samples wide.
-    let limits_px = [(SamplingFactor::F_2_1, [0.045, 0.03, 0.03]), (SamplingFactor::F_2_2, [0.13, 0.06, 0.045])];
-    for (sampling, limits_px) in limits_px {
-        for (radius_px, limit_px) in [5.0, 8.0, 12.0].into_iter().zip(limits_px) {
-            let all = rms_px(Drawn::disc(radius_px), 3.0, &KINDS, |image| compressed(image, 85, sampling));
+    for sampling in [SamplingFactor::F_2_1, SamplingFactor::F_2_2] {
+        for radius_px in [5.0, 8.0, 12.0] {
+            let all = rms_px(Drawn::disc(radius_px), 3.0, &KINDS, |image| compressed(&image, 85, sampling));
             let [contour, ball, refined] = all.try_into().unwrap();
             let case = format!("{sampling:?}, radius {radius_px} px: contour {contour:.4}, ball {ball:.4}, refined {refined:.4} px");
             eprintln!("{case}");
-            if ball > limit_px {
+            // What is asked of a ball of 8 px and more from a webcam; of the others only that they are no worse than the contour.
+            let limit_px = if sampling == SamplingFactor::F_2_1 && radius_px >= 8.0 { 0.03 } else { contour };
+            if ball > limit_px || refined > limit_px {
                 beyond.push(case);
             }
         }

@@ -142,6 +142,7 @@ mod tests {
             right_from_left: Isometry3::from_parts(Translation3::new(-0.06, 0.0, 0.0), UnitQuaternion::from_euler_angles(0.0, 0.1, 0.0)),
             base_from_left: Some(Isometry3::from_parts(Translation3::new(0.1, -0.2, 0.4), turn)),
             latency_s: 0.0,
+            right_minus_left_s: 0.0,
             quality: Quality::default(),
         };
         let point_left = Vector3::new(0.02, 0.03, 0.4);

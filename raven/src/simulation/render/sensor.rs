@@ -1,6 +1,6 @@
 //! From light to a JPEG: brightness of the room, noise of the sensor, eight bits, compression.
 
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
@@ -51,12 +51,16 @@ impl Sensor {
 
     /// The JPEG of an eight-bit image, with half the columns of chroma, as webcams send it.
     ///
+    /// A sample of chroma is the mean of its two pixels, as JFIF places it: that of the left pixel alone would move colours by half a pixel
+    /// against brightness.
+    ///
     /// # Errors
     /// If the image does not have `width` x `height` pixels.
     pub fn jpeg(&self, image: &[u8], width: u16, height: u16) -> Result<Vec<u8>> {
         let mut jpeg = Vec::new();
         let mut encoder = Encoder::new(&mut jpeg, QUALITY);
         encoder.set_sampling_factor(SamplingFactor::F_2_1);
+        encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
         encoder.encode(image, width, height, ColorType::Rgb).map_err(|e| Error::Data(format!("an image could not be compressed: {e}.")))?;
         Ok(jpeg)
     }

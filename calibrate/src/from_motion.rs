@@ -1,0 +1,262 @@
+//! Registration from motion: pose, latency and the cameras' offset with the robot's own numbers free within what is known of them.
+//!
+//! The tip that the cameras see is that of the robot's kinematics, `p = fk(q)`, up to the pose of the cameras. But a robot's radii are off by
+//! percents, its cables stretch, its friction lags: a pose fitted to nominal kinematics turns to make up for them, by degrees with 5 % on
+//! one radius, and claims a quarter of one. So everything that moves the tip as a pose would is estimated along, each with its prior:
+//!
+//! ```text
+//! radii            10 %                      cables, friction   a factor of three
+//! hysteresis       0.5 deg, 1 mm             latency            0.1 s
+//! hard stops       the robot file's tolerance, and what homing may stretch
+//! couplings, link angles, tool length, clock drift      the robot file's tolerances
+//! rotation         how well the mount is set         translation   the hard stop's registration
+//! disparity        what the calibration leaves unknown, constant over the image; scale likewise; the offset as the epipolar lines have it
+//! ```
+//!
+//! What a motion cannot tell apart stays as wide as the prior: a shoulder's hard stop and a turn of the cameras about the same axis are one.
+//! Solver, misfit of each joint and blocks of alike residuals are those of `raven-identify`.
+
+use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
+use raven::camera::{Cameras, Quality};
+use raven::robot::{Observation, Robot};
+use raven::{Error, Result};
+use raven_identify::parameters::{Quantity, Selection};
+use raven_identify::priors::{self, Unknown};
+use raven_identify::problem::Problem;
+use raven_identify::session::Session;
+use raven_track::tracker::CALIBRATION_STD_PX;
+
+use crate::desync::{Desync, desync};
+use crate::hard_stop::HOMING_STRETCH;
+use crate::moving::{Moving, Taken};
+
+/// Fewest sightings to register from.
+const FEWEST: usize = 60;
+/// Relative standard deviation of the baseline where the calibration does not say.
+const SCALE_STD: f64 = 0.002;
+/// Standard deviation of the offset between the cameras where nothing shows it [s].
+const OFFSET_STD_S: f64 = 0.03;
+
+/// What is known before the motion.
+#[derive(Debug, Clone, Copy)]
+pub struct Before {
+    /// `x_0 = R x_left + t`, roughly.
+    pub base_from_left: Isometry3<f64>,
+    /// Standard deviations of the rotation about the axes of frame 0 [rad].
+    pub rotation_std_rad: [f64; 3],
+    /// Of where the tip at the hard stop is seen, frame 0 [m].
+    pub translation_std_m: [f64; 3],
+}
+
+/// What the motion says.
+#[derive(Debug, Clone)]
+pub struct FromMotion {
+    /// `x_0 = R x_left + t`.
+    pub base_from_left: Isometry3<f64>,
+    /// Covariance of rotation [rad] and shift [m] about the tip at the hard stop, frame 0.
+    pub covariance: SMatrix<f64, 6, 6>,
+    /// Latency and its standard deviation [s].
+    pub latency_s: [f64; 2],
+    /// By how much more a right image shows the past than a left one, and its standard deviation [s].
+    pub right_minus_left_s: [f64; 2],
+    /// By how much the motion moves the tip at the hard stop from where it was registered before, frame 0 [m].
+    pub moved_m: Vector3<f64>,
+    /// Mean of the tips seen, frame 0 [m].
+    pub middle_m: Vector3<f64>,
+    /// The robot's numbers along the way: name, value, standard deviation, value before.
+    pub robot: Vec<(String, f64, f64, f64)>,
+    /// Standard deviation of what each joint does beyond the model [rad, rad, m].
+    pub misfit: Vector3<f64>,
+    /// Sightings used.
+    pub sightings: usize,
+}
+
+impl FromMotion {
+    /// Standard deviations of where the tip at `point_m` is seen, frame 0 [m].
+    #[must_use]
+    pub fn std_at(&self, point_m: &Vector3<f64>, hard_stop_m: &Vector3<f64>) -> [f64; 3] {
+        let mut slope = SMatrix::<f64, 3, 6>::zeros();
+        slope.fixed_view_mut::<3, 3>(0, 0).copy_from(&-(point_m - hard_stop_m).cross_matrix());
+        slope.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
+        let covariance = slope * self.covariance * slope.transpose();
+        [0, 1, 2].map(|i| covariance[(i, i)].sqrt())
+    }
+
+    /// Standard deviations of the rotation about the axes of frame 0 [rad].
+    #[must_use]
+    pub fn rotation_std_rad(&self) -> [f64; 3] {
+        [0, 1, 2].map(|i| self.covariance[(i, i)].sqrt())
+    }
+}
+
+/// Registers cameras from moving recordings.
+///
+/// # Errors
+/// If the marker was seen too rarely, a recording has no motors, or the estimation does not settle.
+pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &[Moving]) -> Result<FromMotion> {
+    let offset = offset(cameras, recordings);
+    let taken: Vec<Taken> =
+        recordings.iter().map(|moving| moving.take(cameras, &before.base_from_left, offset.right_minus_left_s)).collect::<Result<_>>()?;
+    let sightings: usize = taken.iter().map(|taken| taken.session.sightings.len()).sum();
+    if sightings < FEWEST {
+        let frames: usize = recordings.iter().map(|moving| moving.frames).sum();
+        return Err(Error::Data(format!(
+            "both cameras saw the marker in {sightings} of {frames} frames of the motion, and a registration needs {FEWEST}; check --hue and \
+             --marker-radius, and that the mount is that of --rotation."
+        )));
+    }
+    let mut flaws = flaws(cameras, &before.base_from_left, &taken, offset.std_s);
+    let sessions: Vec<Session> = taken.into_iter().map(|taken| taken.session).collect();
+    // What an identification found out about the cameras before is found out anew.
+    let mut robot = robot.clone();
+    robot.observation = Observation::default();
+    flaws.extend(beyond(&robot, &sessions)?);
+    let solve = |unknowns: &[Unknown]| {
+        let mut problem = Problem::new(&robot, unknowns, &sessions)?.with_flaws(flaws.clone());
+        let estimate = problem.estimate(&vec![false; unknowns.len() + FLAWS + BEYOND])?;
+        let found = problem.robot(&estimate.z).observation;
+        Ok((estimate, found, problem.misfit()))
+    };
+    let all = unknowns(&robot, before)?;
+    let (unknowns, (estimate, found, misfit)) = match solve(&all) {
+        Ok(solved) => (all, solved),
+        // Motion that hardly reverses does not tell hysteresis from stretch; what a joint then does beyond the model is its misfit.
+        Err(Error::Data(_)) => {
+            let fewer: Vec<Unknown> = all.into_iter().filter(|u| !matches!(u.quantity, Quantity::Hysteresis(_))).collect();
+            let solved = solve(&fewer)?;
+            (fewer, solved)
+        }
+        Err(error) => return Err(error),
+    };
+    let arm = robot.arm()?;
+    let pivot = arm.kinematics.forward(&arm.hard_stop);
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::new(Vector3::from(found.rotation)));
+    let moved_m = Vector3::from(found.translation);
+    let about_pivot = Isometry3::from_parts(Translation3::from(pivot - turn * pivot + moved_m), turn);
+    let at = |quantity: Quantity| unknowns.iter().position(|unknown| unknown.quantity == quantity);
+    let pose: Vec<usize> = (0..3).map(Quantity::Rotation).chain((0..3).map(Quantity::Translation)).filter_map(at).collect();
+    let latency = at(Quantity::Latency).map_or(0.0, |k| unknowns[k].std(found.latency, estimate.std[k]));
+    let row = |(k, unknown): (usize, &Unknown)| {
+        let value = unknown.value(estimate.z[k]);
+        (unknown.quantity.name(), value, unknown.std(value, estimate.std[k]), unknown.prior)
+    };
+    let of_offset = unknowns.len() + OFFSET;
+    let middle = sessions.iter().flat_map(|s| &s.sightings).map(|s| s.position_m).sum::<Vector3<f64>>() / sightings as f64;
+    Ok(FromMotion {
+        base_from_left: about_pivot * before.base_from_left,
+        covariance: scaled(&estimate.covariance, &pose, &unknowns),
+        latency_s: [found.latency, latency],
+        right_minus_left_s: [offset.right_minus_left_s + offset.std_s * estimate.z[of_offset], offset.std_s * estimate.std[of_offset]],
+        moved_m,
+        middle_m: (about_pivot * nalgebra::Point3::from(middle)).coords,
+        robot: unknowns
+            .iter()
+            .enumerate()
+            .filter(|(_, u)| !u.quantity.is_registration() && u.quantity != Quantity::Latency)
+            .map(row)
+            .collect(),
+        misfit,
+        sightings,
+    })
+}
+
+/// The offset by the epipolar lines of all recordings.
+fn offset(cameras: &Cameras, recordings: &[Moving]) -> Desync {
+    // Recordings follow one another far apart, so that none shares a block with the next.
+    let mut start_s = 0.0;
+    let mut all = Vec::new();
+    for moving in recordings {
+        let mut seen = moving.seen(0.0);
+        let end_s = seen.last().map_or(0.0, |last| last.time_s);
+        seen.iter_mut().for_each(|seen| seen.time_s += start_s);
+        all.extend(seen);
+        start_s += end_s + 60.0;
+    }
+    desync(cameras, &all).unwrap_or(Desync { right_minus_left_s: 0.0, std_s: OFFSET_STD_S })
+}
+
+/// The robot's numbers that move the tip, latency and registration, with their priors.
+fn unknowns(robot: &Robot, before: &Before) -> Result<Vec<Unknown>> {
+    let mut quantities: Vec<Quantity> = (0..3).map(Quantity::PulleyRadius).chain((0..3).map(Quantity::HardStop)).collect();
+    quantities.extend((0..3).map(Quantity::Stiffness));
+    quantities.extend((0..3).map(Quantity::Hysteresis));
+    quantities.extend([Quantity::Coupling(0, 1), Quantity::Coupling(0, 2), Quantity::Coupling(1, 2), Quantity::Latency]);
+    // Only what the file has can be estimated.
+    let mut numbers = robot.clone();
+    quantities.retain(|quantity| numbers.value_mut(&quantity.key(robot)).is_some());
+    let quality = Quality {
+        registration_rotation_std_rad: Some(before.rotation_std_rad),
+        registration_translation_std_m: Some(before.translation_std_m),
+        ..Quality::default()
+    };
+    let mut unknowns = priors::unknowns(robot, &Selection { quantities, named: false }, &quality)?;
+    for unknown in &mut unknowns {
+        match unknown.quantity {
+            Quantity::HardStop(j) => unknown.spread = unknown.spread.hypot(HOMING_STRETCH[j] / 3.0_f64.sqrt()),
+            // In m/rad a third, as of hard stops.
+            Quantity::Coupling(_, to) => unknown.spread = robot.tolerances.cable_coupling / if to == 2 { 3.0 } else { 1.0 },
+            _ => {}
+        }
+    }
+    Ok(unknowns)
+}
+
+/// Number of flaws, and which of them is the offset between the cameras.
+const FLAWS: usize = 3;
+const OFFSET: usize = 2;
+
+/// What the cameras may have wrong: disparity, scale, and what the epipolar lines leave of the offset.
+fn flaws(cameras: &Cameras, base_from_left: &Isometry3<f64>, taken: &[Taken], offset_std_s: f64) -> Vec<Vec<Vector3<f64>>> {
+    let disparity_px = cameras.quality.disparity_std_px.unwrap_or(CALIBRATION_STD_PX);
+    let scale = cameras.quality.baseline_std_m.map_or(SCALE_STD, |std| std / cameras.baseline_m());
+    let origin = base_from_left.translation.vector;
+    let of = |taken: &Taken| {
+        [
+            taken.moved_by(cameras, base_from_left, |_| Vector2::new(disparity_px, 0.0)),
+            taken.session.sightings.iter().map(|sighting| scale * (sighting.position_m - origin)).collect(),
+            taken.moved_by(cameras, base_from_left, |right| -offset_std_s * right.velocity),
+        ]
+    };
+    let mut all = vec![Vec::new(); FLAWS];
+    for one in taken.iter().map(of) {
+        all.iter_mut().zip(one).for_each(|(all, one)| all.extend(one));
+    }
+    all
+}
+
+/// Number of what the robot may have wrong that is no unknown of `raven-identify`.
+const BEYOND: usize = 4;
+/// Half of the time over which the tip's velocity is taken [s].
+const STEP_S: f64 = 0.01;
+
+/// How far link angles, tool length and clocks that are off by a tolerance move the tip.
+fn beyond(robot: &Robot, sessions: &[Session]) -> Result<Vec<Vec<Vector3<f64>>>> {
+    let arm = robot.arm()?;
+    let tolerances = &robot.tolerances;
+    let mut bent = [arm.kinematics; BEYOND - 1];
+    bent[0].link_angle_12 += tolerances.link_angle_rad;
+    bent[1].link_angle_23 += tolerances.link_angle_rad;
+    bent[2].wrist_offset += tolerances.tool_length_m;
+    let mut all = vec![Vec::new(); BEYOND];
+    for session in sessions {
+        let joints = |time_s: f64| arm.transmission.joint_from_motor(&session.motion.angle_rad(time_s));
+        for sighting in &session.sightings {
+            let at = joints(sighting.time_s);
+            for (column, bent) in all.iter_mut().zip(&bent) {
+                column.push(bent.forward(&at) - arm.kinematics.forward(&at));
+            }
+            let tip = |time_s: f64| arm.kinematics.forward(&joints(time_s));
+            let velocity = (tip(sighting.time_s + STEP_S) - tip(sighting.time_s - STEP_S)) / (2.0 * STEP_S);
+            all[BEYOND - 1].push(velocity * (tolerances.clock_drift * sighting.time_s));
+        }
+    }
+    Ok(all)
+}
+
+/// The covariance of some unknowns, from prior deviations to SI.
+fn scaled(covariance: &DMatrix<f64>, which: &[usize], unknowns: &[Unknown]) -> SMatrix<f64, 6, 6> {
+    SMatrix::from_fn(|i, j| match (which.get(i), which.get(j)) {
+        (Some(&k), Some(&l)) => covariance[(k, l)] * unknowns[k].spread * unknowns[l].spread,
+        _ => 0.0,
+    })
+}
