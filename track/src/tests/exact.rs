@@ -1,8 +1,7 @@
 //! An exact renderer of one ball before an even background, and the Cramer-Rao bound of its centre.
 //!
 //! Light is added up over 5 x 5 points of a pixel, blurred by a Gaussian before, in grey levels: no model of an edge is involved. The bound
-//! is that of all the renderer's parameters together, its derivatives taken numerically. How a lit ball's shade runs over it may be known as a
-//! law, with the direction of the light unknown, or only as a smooth function of the surface normal, as the fit has it.
+//! is that of all the renderer's parameters together, its derivatives taken numerically.
 
 use image::{Rgb, RgbImage};
 use nalgebra::{DMatrix, Vector2, Vector3};
@@ -23,18 +22,7 @@ pub struct Drawn {
     pub background: Vector3<f64>,
     /// Towards the light, its length the part of the light that comes from there: zero for a flat disc.
     pub light: Vector3<f64>,
-    /// Further shade over the normal: harmonics of first and second order, which an estimate may not know to be zero.
-    pub shade: [f64; 8],
     pub blur_px: f64,
-}
-
-/// What is known of a lit ball's shade.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shade {
-    /// Its law: the part of the light that comes from one direction, and the direction, are unknown.
-    Law,
-    /// That it is harmonics of the normal up to second order: light of any distribution on a matt sphere.
-    Smooth,
 }
 
 impl Drawn {
@@ -46,7 +34,6 @@ impl Drawn {
             colour: Vector3::new(40.0, 190.0, 30.0),
             background: Vector3::repeat(105.0),
             light: Vector3::zeros(),
-            shade: [0.0; 8],
             blur_px: 0.8,
         }
     }
@@ -63,10 +50,7 @@ impl Drawn {
             let cover = (0.5 + (self.radius_px - distance) * FINE as f64).clamp(0.0, 1.0);
             let nz = (1.0 - (distance / self.radius_px).powi(2)).max(0.0).sqrt();
             let normal = Vector3::new(dx / self.radius_px, dy / self.radius_px, -nz);
-            let [x, y, z] = normal.data.0[0];
-            let harmonics = [x, y, z, x * y, y * z, z * x, x * x - y * y, 3.0 * z * z - 1.0];
-            let shade: f64 = self.shade.iter().zip(harmonics).map(|(coefficient, harmonic)| coefficient * harmonic).sum();
-            let lit = 1.0 - self.light.norm() + normal.dot(&self.light).max(0.0) + shade;
+            let lit = 1.0 - self.light.norm() + normal.dot(&self.light).max(0.0);
             [cover, cover * lit]
         };
         // The mean over a pixel of the blurred light, as one sum over the fine points.
@@ -101,31 +85,23 @@ impl Drawn {
         })
     }
 
-    fn parameters(&self, known: Shade) -> Vec<f64> {
+    fn parameters(&self) -> Vec<f64> {
         let [a, b, c] = [self.colour, self.background, self.light].map(|v| [v.x, v.y, v.z]);
         let shape = [self.centre.x, self.centre.y, self.radius_px, self.blur_px];
-        // A flat disc has no shade: its light has no direction.
-        let light: &[f64] = match known {
-            _ if self.light == Vector3::zeros() => &[],
-            Shade::Law => &c,
-            Shade::Smooth => &self.shade,
-        };
+        // The light of a flat disc is not free: it has no direction.
+        let light: &[f64] = if self.light == Vector3::zeros() { &[] } else { &c };
         [&shape[..], &a, &b, light].concat()
     }
 
     fn with(&self, p: &[f64]) -> Self {
         let vector = |i: usize| Vector3::new(p[i], p[i + 1], p[i + 2]);
-        let even =
-            Self { centre: Vector2::new(p[0], p[1]), radius_px: p[2], blur_px: p[3], colour: vector(4), background: vector(7), ..*self };
-        match &p[10..] {
-            [x, y, z] => Self { light: Vector3::new(*x, *y, *z), ..even },
-            shade => Self { shade: shade.try_into().unwrap_or_default(), ..even },
-        }
+        let light = if p.len() > 10 { vector(10) } else { Vector3::zeros() };
+        Self { centre: Vector2::new(p[0], p[1]), radius_px: p[2], blur_px: p[3], colour: vector(4), background: vector(7), light }
     }
 
     /// Least standard deviation per axis [px] that an unbiased estimate of the centre can have, everything else being unknown as well.
-    pub fn bound_px(&self, noise: f64, known: Shade) -> f64 {
-        let p = self.parameters(known);
+    pub fn bound_px(&self, noise: f64) -> f64 {
+        let p = self.parameters();
         let columns: Vec<Vec<f64>> = (0..p.len())
             .map(|i| {
                 let step = if i < 4 {

@@ -92,8 +92,9 @@ fn the_ball_is_found_where_it_is_and_as_well_as_it_says() {
                  variance, {beyond} beyond three sigma, radius {radius:.2}"
             );
             eprintln!("{case}");
-            // A response that is not linear bends the shade of a matt sphere.
-            let better = if gamma == 1.0 { 2.0 } else { 1.7 };
+            // Half the contour's error is claimed for a linear response. One of gamma 2.2 moves the ball by 0.09 px along the light, which the
+            // limits allow twice.
+            let better = if gamma == 1.0 { 2.0 } else { 1.0 };
             assert!(error < limit_px && error < contour / better, "{case}");
             assert!((0.2..2.0).contains(&normalised) && beyond <= 4, "{case}");
             assert!((radius - radius_px).abs() < 0.2, "{case}");
