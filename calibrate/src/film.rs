@@ -16,6 +16,9 @@ use crate::corners::Sighting;
 use crate::desync::{Desync, Seen, desync};
 use crate::grid::{Grid, Label, Relabel};
 
+/// A corner between the pictures.
+pub type Followed = (Label, Interpolated);
+
 /// One camera's pictures of the board in the order of time, with the corners followed from each to the next.
 #[derive(Debug, Clone)]
 pub struct Film {
@@ -81,7 +84,7 @@ impl Film {
     /// Corners at a time [s], with their velocities, by the labels of the nearest picture, and where these can be on the board. `None` where the
     /// board was not followed.
     #[must_use]
-    pub fn at(&self, time_s: f64) -> Option<(Vec<(Label, Interpolated)>, &[Relabel])> {
+    pub fn at(&self, time_s: f64) -> Option<(Vec<Followed>, &[Relabel])> {
         let near = self.nearest(time_s)?;
         let (to_run, run) = self.runs[near]?;
         let around = near.saturating_sub(2)..(near + 3).min(self.time_s.len());
@@ -97,7 +100,7 @@ impl Film {
             Some((label, Track::new(around.clone().map(sample).collect(), 0.0).at(time_s)?))
         };
         let sighting = self.sightings[near].as_ref()?;
-        let corners: Vec<(Label, Interpolated)> = sighting.grid.corners.keys().filter_map(|&label| corner(label)).collect();
+        let corners: Vec<Followed> = sighting.grid.corners.keys().filter_map(|&label| corner(label)).collect();
         (!corners.is_empty()).then_some((corners, sighting.placements.as_slice()))
     }
 

@@ -124,7 +124,7 @@ fn a_pulley_that_is_off_by_five_percent_does_not_turn_the_cameras() {
 fn errors_are_as_large_as_claimed() {
     const SEEDS: u64 = 6;
     let of = |seed: u64| {
-        let motion = if seed % 2 == 0 { Motion::Sinusoid } else { Motion::Rich };
+        let motion = if seed.is_multiple_of(2) { Motion::Sinusoid } else { Motion::Rich };
         case(100 + seed, &LAB, motion, 30.0).errors()
     };
     let all: Vec<([f64; 11], f64)> = (0..SEEDS).into_par_iter().map(of).collect();
