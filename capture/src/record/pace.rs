@@ -21,16 +21,20 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Takes the stamp of the next message; one that repeats or goes back is no interval.
-    pub fn take(&mut self, stamp: Stamp) {
+    /// Takes the stamp of the next message; one that repeats or goes back is no interval. Returns how many messages must be missing before it,
+    /// which is 0 up to [`GAP_FACTOR`] medians.
+    pub fn take(&mut self, stamp: Stamp) -> u32 {
         let Some(last) = self.last.filter(|last| stamp > *last) else {
             self.last = self.last.or(Some(stamp));
-            return;
+            return 0;
         };
         let interval_s = stamp.seconds_since(last);
         self.last = Some(stamp);
         self.longest_s = Some(self.longest_s.map_or(interval_s, |longest| longest.max(interval_s)));
-        self.gaps += u64::from(self.median_s.is_some_and(|median| interval_s > GAP_FACTOR * median));
+        // The cast saturates; an interval beyond the factor is at least two medians when rounded.
+        let missing =
+            self.median_s.filter(|median| interval_s > GAP_FACTOR * median).map_or(0, |median| (interval_s / median).round() as u32 - 1);
+        self.gaps += u64::from(missing > 0);
         match self.window.get_mut(self.next % WINDOW) {
             Some(oldest) => *oldest = interval_s,
             None => self.window.push(interval_s),
@@ -41,6 +45,7 @@ impl Pace {
             sorted.sort_unstable_by(f64::total_cmp);
             self.median_s = sorted.get(sorted.len() / 2).copied();
         }
+        missing
     }
 
     /// The latest stamp.
@@ -95,11 +100,17 @@ mod tests {
     #[test]
     fn a_stream_that_changes_its_rate_is_judged_by_the_new_one() {
         let mut pace = Pace::default();
-        (0..200_u64).for_each(|i| pace.take(Stamp(i * 1_000_000)));
-        (1..400_u64).for_each(|i| pace.take(Stamp(200_000_000 + i * 66_000_000)));
+        for i in 0..200_u64 {
+            pace.take(Stamp(i * 1_000_000));
+        }
+        for i in 1..400_u64 {
+            pace.take(Stamp(200_000_000 + i * 66_000_000));
+        }
         let before = pace.gaps();
         assert!(before < 130, "{before}");
-        (400..600_u64).for_each(|i| pace.take(Stamp(200_000_000 + i * 66_000_000)));
+        for i in 400..600_u64 {
+            pace.take(Stamp(200_000_000 + i * 66_000_000));
+        }
         assert_eq!(pace.gaps(), before);
     }
 }

@@ -1,0 +1,150 @@
+//! `raven-capture record` on Linux's own camera drivers, vivid and uvcvideo, in a virtual machine; skipped with a line where there can be none.
+
+mod lab;
+mod machine;
+
+use lab::numbers;
+use machine::{PICTURES, machine};
+use raven::log::{Side, topics};
+
+const DONE: i32 = 0;
+const FAILED: i32 = 1;
+const DATA_LOST: i32 = 3;
+
+#[test]
+fn two_raw_cameras_deliver_100_frames_each_without_a_gap() {
+    let Some(machine) = machine() else { return };
+    let (status, json) = machine.recording("clean");
+    assert_eq!(status, DONE, "{json} {}", machine.text("clean.err"));
+    let survey = machine.survey("clean");
+    for side in Side::BOTH {
+        let losses = survey.losses[&side];
+        assert!(losses.frames >= 100 && losses.total() == 0, "{losses:?}");
+        let quality = &survey.topic(topics::raw(side)).unwrap().quality;
+        assert!((quality.median_interval_s.unwrap() - 0.04).abs() < 0.002, "{quality:?}");
+        // vivid stamps the end of a frame, which lies after the moment at which it hands the frame over.
+        assert_eq!(survey.records[&format!("camera.{}", side.name())]["stamps"], "monotonic, end of the frame");
+    }
+}
+
+#[test]
+fn a_mode_that_the_camera_silently_replaces_is_refused() {
+    let Some(machine) = machine() else { return };
+    assert_eq!(machine.recording("other").0, FAILED);
+    let said = machine.text("other.err");
+    assert!(said.contains("asked for MJPG 640x480 at 30 frames/s, but the camera gives YUYV 640x480"), "{said}");
+    assert!(!machine.file("other").exists());
+}
+
+#[test]
+fn errors_of_buffers_queues_and_streams_are_survived_and_the_other_camera_sees_none_of_them() {
+    let Some(machine) = machine() else { return };
+    let (status, json) = machine.recording("errors");
+    assert_eq!(machine.text("set_control.err"), "");
+    assert_eq!(status, DATA_LOST, "{json}");
+    let survey = machine.survey("errors");
+    let (left, right) = (survey.losses[&Side::Left], survey.losses[&Side::Right]);
+    assert_eq!((left.damaged, left.truncated, left.repeated), (1, 0, 0), "{left:?}");
+    // 1.2 s at 25 frames per second, of which vivid loses 30 in 100: 9, within three standard deviations.
+    assert!((1..=18).contains(&left.missed), "{left:?}");
+    assert_eq!(json["topics"][0]["interruptions"], 2, "the queue's error and the stream's: {json}");
+    assert!(right.frames > 150 && right.total() == 0, "{right:?}");
+    assert_eq!(json["topics"][1]["interruptions"], 0);
+}
+
+#[test]
+fn webcams_deliver_mjpg_at_30_and_60_frames_per_second_byte_for_byte() {
+    let Some(machine) = machine() else { return };
+    for (name, rate_hz, least) in [("mjpg30", 30.0, 115), ("mjpg60", 60.0, 185)] {
+        let (status, json) = machine.recording(name);
+        let survey = machine.survey(name);
+        for side in Side::BOTH {
+            let (losses, pictures) = (survey.losses[&side], machine.pictures(name, side));
+            assert!(losses.frames >= least && losses.total() == 0, "{name}: {losses:?} {}", json["topics"]);
+            let rate = survey.topic(topics::compressed(side)).unwrap().rate_hz.unwrap();
+            assert!((rate / rate_hz - 1.0).abs() < 0.02, "{name}: {rate}");
+            // Consecutive pictures have consecutive numbers: nothing is missing that no count shows.
+            for pair in pictures.windows(2) {
+                let [(before, first), (after, second)] = [pair[0], pair[1]];
+                assert_eq!(after, before + 1);
+                assert_eq!(second.unwrap(), (first.unwrap() + 1) % PICTURES, "{name}: {pair:?}");
+            }
+        }
+        assert_eq!(status, DONE, "{json}");
+        assert_eq!(survey.records["camera.left"]["stamps"], "monotonic, start of the frame");
+        assert!(survey.cameras.unwrap().spread_s < 0.005, "{:?}", survey.cameras);
+    }
+    let yuyv = machine.survey("yuyv");
+    assert!(yuyv.losses[&Side::Right].frames > 15 && yuyv.losses[&Side::Right].truncated == 0);
+}
+
+#[test]
+fn exposure_focus_and_white_balance_are_locked_recorded_and_put_back() {
+    let Some(machine) = machine() else { return };
+    let record = &machine.survey("mjpg30").records["camera.left"];
+    let control = |name: &str| record[&format!("control {name}")].as_str();
+    assert_eq!(control("exposure_auto"), "1 (found at 3)");
+    assert_eq!(control("exposure_dynamic_framerate"), "0 (found at 1)");
+    assert_eq!([control("exposure_time_100us"), control("white_balance_temperature"), control("focus_absolute")], ["500", "4000", "30"]);
+    let sets = machine.text("left-locked.log");
+    let last = |name: &str| sets.lines().rev().find_map(|line| line.strip_prefix(&format!("set {name} "))).map(str::to_owned);
+    for (name, found) in [("exposure_mode", "8"), ("exposure_priority", "1"), ("focus_auto", "1"), ("white_balance_auto", "1")] {
+        assert!(
+            sets.lines().any(|line| line.starts_with(&format!("set {name} ")) && !line.ends_with(found)),
+            "{name} was never switched off: {sets}"
+        );
+        assert_eq!(last(name).as_deref(), Some(found), "{name}: {sets}");
+    }
+    assert_eq!(record["serial"], "L1");
+    assert!(machine.text("busy.err").contains("another program is using it"), "{}", machine.text("busy.err"));
+}
+
+#[test]
+fn the_preflight_lists_the_webcams_and_says_what_they_achieve() {
+    let Some(machine) = machine() else { return };
+    let said = machine.text("devices.out");
+    assert!(said.contains("serial:L1  left: left") && said.contains("MJPG 640x480 at 15, 30, 60 frames/s"), "{said}");
+    let json: serde_json::Value = serde_json::from_str(&machine.text("devices.json")).unwrap();
+    let camera = &json["cameras"][0];
+    assert!((camera["achieved_hz"].as_f64().unwrap() / 30.0 - 1.0).abs() < 0.05, "{camera}");
+    // The webcam exposes for 50 ms, which 30 frames per second have no time for.
+    assert!(machine.text("devices.err").contains("it exposes for 50.0 ms of 33.3 ms between frames"), "{}", machine.text("devices.err"));
+}
+
+#[test]
+fn an_unplugged_webcam_comes_back_under_another_number_while_the_other_and_the_robot_go_on() {
+    let Some(machine) = machine() else { return };
+    let (status, json) = machine.recording("unplugged");
+    assert_eq!(status, DATA_LOST);
+    let survey = machine.survey("unplugged");
+    let (left, right) = (survey.losses[&Side::Left], survey.losses[&Side::Right]);
+    assert!(right.frames > 260 && right.total() == 0, "{right:?}");
+    // Away for at least 1.5 s of 9.5 s.
+    assert!(left.frames > 120 && left.frames < right.frames - 40, "{left:?} {json}");
+    let interruptions = [0, 1].map(|camera| json["topics"][camera]["interruptions"].as_u64().unwrap());
+    assert_eq!(interruptions, [1, 0], "{json}");
+    let said = machine.text("unplugged.err");
+    assert!(said.contains("left camera: it is back."), "{said}");
+    let (before, after) = (machine.text("devices"), machine.text("left-after"));
+    assert!(!before.is_empty() && !after.is_empty(), "{before} {after}");
+    let (robot, whole) = numbers(&machine.file("unplugged"), topics::RAVEN_STATE);
+    assert!(whole && robot.len() > 1000, "{}", robot.len());
+    assert!(robot.windows(2).all(|pair| pair[1] == pair[0] + 1), "a message of the robot is missing");
+}
+
+#[test]
+fn what_webcams_should_not_send_is_counted_by_cause_and_silence_is_ended() {
+    let Some(machine) = machine() else { return };
+    let (status, json) = machine.recording("bad");
+    assert_eq!(status, DATA_LOST);
+    let survey = machine.survey("bad");
+    let (left, right) = (survey.losses[&Side::Left], survey.losses[&Side::Right]);
+    // Of some 210 frames every 7th is cut off, every 11th has the error bit, which the driver drops, every 13th is left out, every 17th repeats.
+    let close = |count: u64, every: u64| (count as f64 - left.frames as f64 * 1.2 / every as f64).abs() < 0.4 * 210.0 / every as f64;
+    assert!(close(left.truncated, 7) && close(left.missed, 11) && close(left.skipped, 13) && close(left.repeated, 17), "{left:?}");
+    assert_eq!(left.damaged, 0);
+    // Silent after 60 frames, noticed after 2 s, opened again: twice or three times in 7 s.
+    let interruptions = json["topics"][1]["interruptions"].as_u64().unwrap();
+    assert!((1..=2).contains(&interruptions) && right.frames > 100, "{right:?} {json}");
+    assert!(machine.text("bad.err").contains("right camera: no frame came for 2."), "{}", machine.text("bad.err"));
+}
