@@ -61,6 +61,9 @@ pub struct DeviceArgs {
 pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Result<Outcome> {
     let devices = devices(Path::new(SYSFS));
     let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, offered(&device.path)?))).collect();
+    if present.is_empty() && args.left.is_none() && args.right.is_none() {
+        return Err(Error::Data("no camera is plugged in.".to_owned()));
+    }
     let mut cameras: Vec<(String, Box<dyn Driver>)> = Vec::new();
     let chosen = [("left", &args.left), ("right", &args.right)];
     cameras.extend(chosen.into_iter().filter_map(|(name, camera)| Some((name.to_owned(), args.camera.driver(camera.clone()?)))));
@@ -189,9 +192,6 @@ impl Preflight {
         for Present { path, name, choose, modes } in &self.devices {
             lines.push(format!("{choose}  {name}  {}", path.display()));
             lines.extend(modes.iter().map(|mode| format!("    {mode}")));
-        }
-        if self.devices.is_empty() {
-            lines.push("no cameras are plugged in".to_owned());
         }
         let titles = ["camera", "rate/Hz", "of", "longest/ms", "latency/ms", "MB/s", "exposure/ms", "losses"].map(str::to_owned).to_vec();
         let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.1}", 1e3 * value));

@@ -41,8 +41,11 @@ pub enum CameraFault {
         given: String,
     },
     /// Another program has the camera.
-    #[error("another program is using it (EBUSY)")]
-    Busy,
+    #[error("another program is using it (cannot {action}: EBUSY)")]
+    Busy {
+        /// What was tried.
+        action: &'static str,
+    },
     /// The bus cannot carry another stream.
     #[error(
         "the USB bus has no bandwidth left for it (ENOSPC): take MJPG instead of YUYV, fewer frames per second, or a port of another USB \
@@ -74,7 +77,7 @@ impl CameraFault {
         const EBUSY: i32 = 16;
         const ENOSPC: i32 = 28;
         match source.raw_os_error() {
-            Some(EBUSY) => Self::Busy,
+            Some(EBUSY) => Self::Busy { action },
             Some(ENOSPC) => Self::NoBandwidth,
             _ => Self::System { action, source },
         }

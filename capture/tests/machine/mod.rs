@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
+use std::time::Instant;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
-use raven::log::{FrameData, Side, Survey, frames};
+use raven::log::{FrameData, FrameLosses, Side, Survey, frames};
 
 /// Pictures that each webcam has; it sends them one after the other, over and over.
 pub const PICTURES: usize = 40;
@@ -15,9 +16,14 @@ const NEEDED: [&str; 7] = ["qemu-system-x86_64", "apt-get", "dpkg-deb", "cpio", 
 /// After so long it is taken for hung [s].
 const PATIENCE: &str = "240";
 
+/// The machine has this machine's processors nearly to itself if others take less than this part of them.
+const QUIET: f64 = 0.1;
+
 /// What came out of the machine: the folder that it shared.
 pub struct Machine {
     share: PathBuf,
+    /// Whether nothing else kept the processors busy; the machine's cameras lose frames where something did.
+    quiet: bool,
 }
 
 /// The machine after it has run, once for all tests; `None`, with a line that says why, where there can be none.
@@ -26,13 +32,42 @@ pub fn machine() -> Option<&'static Machine> {
     let start = || match run() {
         Ok(machine) => Some(machine),
         Err(why) => {
-            // Past the harness, which keeps the output of tests that pass to itself.
-            let _unheard =
-                Command::new("sh").args(["-c", "echo \"$1\" >&2", "sh", &format!("SKIPPED: cameras in a virtual machine: {why}")]).status();
+            aloud(&format!("SKIPPED: cameras in a virtual machine: {why}"));
             None
         }
     };
     MACHINE.get_or_init(start).as_ref()
+}
+
+/// Says something past the harness, which keeps the output of tests that pass to itself.
+fn aloud(sentence: &str) {
+    let _unheard = Command::new("sh").args(["-c", "echo \"$1\" >&2", "sh", sentence]).status();
+}
+
+/// Processor time, of everything and of this process's children (1/100 s).
+struct Ticks {
+    busy: u64,
+    children: u64,
+    processors: usize,
+}
+
+impl Ticks {
+    fn now() -> Self {
+        let (system, own) = ["/proc/stat", "/proc/self/stat"].map(|path| std::fs::read_to_string(path).unwrap()).into();
+        let numbers = |line: &str| -> Vec<u64> { line.split_whitespace().map(|word| word.parse().unwrap_or(0)).collect() };
+        let total = numbers(system.lines().next().unwrap());
+        let own = numbers(own.rsplit_once(')').unwrap().1);
+        // After the label: user, nice, system, idle, waiting, interrupts, soft interrupts, stolen. Of the process, fields 16 and 17.
+        let busy = [1, 2, 3, 6, 7, 8].iter().map(|i| total[*i]).sum();
+        let processors = system.lines().filter(|line| line.starts_with("cpu")).count() - 1;
+        Self { busy, children: own[13] + own[14], processors }
+    }
+
+    /// Processors that something else kept busy, as a part of all, times the seconds that passed.
+    fn others_since(&self, before: &Self) -> f64 {
+        let others = (self.busy - before.busy).saturating_sub(self.children - before.children);
+        others as f64 / 100.0 / self.processors as f64
+    }
 }
 
 fn run() -> Result<Machine, String> {
@@ -62,6 +97,7 @@ fn run() -> Result<Machine, String> {
     }
     std::fs::copy(here.join("run.sh"), share.join("run.sh")).unwrap();
     let files = format!("local,id=files,path={},security_model=none", share.display());
+    let (before, started) = (Ticks::now(), Instant::now());
     let booted = Command::new("timeout")
         .args([
             "-k",
@@ -85,7 +121,14 @@ fn run() -> Result<Machine, String> {
         .args(["-append", "console=ttyS0 quiet panic=-1 rdinit=/init mitigations=off nokaslr"])
         .output()
         .unwrap();
-    let machine = Machine { share };
+    let others = Ticks::now().others_since(&before) / started.elapsed().as_secs_f64();
+    if others > QUIET {
+        aloud(&format!(
+            "note: other programs took {:.0} % of the processors from the virtual machine; cameras may lose frames",
+            100.0 * others
+        ));
+    }
+    let machine = Machine { share, quiet: others <= QUIET };
     assert!(
         machine.share.join("run.status").exists(),
         "the machine did not come to its end:\n{}\n{}",
@@ -111,6 +154,16 @@ fn picture(seed: u32, number: usize) -> Vec<u8> {
 }
 
 impl Machine {
+    /// Whether nothing was lost, as it must be where the machine had the processors to itself.
+    pub fn is_clean(&self, losses: &FrameLosses) -> bool {
+        !self.quiet || losses.total() == 0
+    }
+
+    /// Whether a rate is as it should be, within 2 %, as it must be where the machine had the processors to itself.
+    pub fn is_rate(&self, rate_hz: f64, wanted_hz: f64) -> bool {
+        !self.quiet || (rate_hz / wanted_hz - 1.0).abs() < 0.02
+    }
+
     /// A file that the machine wrote, empty if it did not.
     pub fn text(&self, name: &str) -> String {
         std::fs::read_to_string(self.share.join(name)).unwrap_or_default()
