@@ -14,10 +14,10 @@ use raven::log::{FrameLosses, Stamp};
 use raven::{Error, Result};
 use serde::Serialize;
 
-use crate::camera::find::{Device, SYSFS, devices};
+use crate::camera::find::{Device, Identity, SYSFS, devices};
 use crate::camera::judge::Judge;
-use crate::camera::modes::{OfferedMode, offered};
-use crate::camera::{CameraFault, Driver, Opened, Selector};
+use crate::camera::modes::OfferedMode;
+use crate::camera::{CameraFault, Driver, Opened, Selector, offered};
 use crate::record::args::{CameraArgs, positive};
 use crate::record::writer::free_bytes;
 use crate::table::table;
@@ -60,7 +60,7 @@ pub struct DeviceArgs {
 /// If the disk cannot be written to.
 pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Result<Outcome> {
     let devices = devices(Path::new(SYSFS));
-    let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, offered(&device.path)?))).collect();
+    let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, &devices, offered(&device.path)?))).collect();
     if present.is_empty() && args.left.is_none() && args.right.is_none() {
         return Err(Error::Data("no camera is plugged in.".to_owned()));
     }
@@ -139,11 +139,10 @@ pub struct Present {
 }
 
 impl Present {
-    /// A device with the modes that were asked of it.
+    /// A device among all, with the modes that it offers.
     #[must_use]
-    pub fn new(device: &Device, modes: Vec<OfferedMode>) -> Self {
-        let by_serial = device.serial.as_ref().map(|serial| format!("serial:{serial}"));
-        let choose = by_serial.unwrap_or_else(|| format!("usb:{}", device.port));
+    pub fn new(device: &Device, all: &[Device], modes: Vec<OfferedMode>) -> Self {
+        let choose = Identity::of(device, all).selector();
         Self { path: device.path.clone(), name: device.name.clone(), choose, modes }
     }
 }

@@ -14,6 +14,7 @@ use raven::log::{FrameData, Side, Survey, active_name, frames};
 use raven_capture::Command;
 use raven_capture::camera::{CameraFault, Driver, Encoding, Frame, Mode, Opened, Stream};
 use raven_capture::clock::Arrival;
+use raven_capture::devices::Preflight;
 use raven_capture::record::record;
 
 const ENODEV: i32 = 19;
@@ -70,7 +71,8 @@ impl Driver for Replayed {
                 return Err(CameraFault::NotFound { wanted: "with serial number L1".into(), found: "none".into() });
             }
         };
-        let record = BTreeMap::from([("card".to_owned(), "Replayed".to_owned()), ("mode".to_owned(), mode.to_string())]);
+        let words = [("card", "Replayed"), ("mode", &mode.to_string()), ("control exposure_time_100us", "95 (found at 40)")];
+        let record = words.map(|(key, value)| (key.to_owned(), value.to_owned())).into();
         let start = self.start.take().unwrap_or_else(Start::soon);
         Ok(Opened { stream: Box::new(Playing { start, frames, end }), mode, record, notices: Vec::new() })
     }
@@ -184,6 +186,15 @@ fn frames_are_recorded_as_they_came_and_losses_counted_by_cause() {
     let skew = survey.cameras.unwrap();
     assert!((skew.right_minus_left_s - 0.004).abs() < 1e-6 && skew.spread_s < 1e-6, "{skew:?}");
     assert_eq!(survey.records["camera.left"]["card"], "Replayed");
+    let mut checked = Vec::new();
+    let check = raven_capture::Args::parse_from(["raven-capture", "check", file.to_str().unwrap()]);
+    assert_eq!(raven_capture::run(check, &mut checked).unwrap(), Outcome::Done, "the file is whole, whatever the cameras lost");
+    let checked = String::from_utf8(checked).unwrap();
+    let row = checked.lines().find(|line| line.starts_with("right ")).unwrap();
+    assert_eq!(row.split_whitespace().collect::<Vec<_>>(), ["right", "96", "3", "1", "1", "2", "1"], "{checked}");
+    for line in ["camera.left: Replayed, MJPG 8x8", "cameras: right minus left 4.00 ms", "clock: the system clock moved"] {
+        assert!(checked.contains(line), "{line}: {checked}");
+    }
     assert_eq!(survey.records["camera.right"]["mode"], "MJPG 8x8 at 100 frames/s");
 }
 
@@ -254,4 +265,35 @@ fn without_a_camera_that_was_asked_for_there_is_no_file() {
     assert_eq!(said, "right camera: no camera with serial number L1; found are none.");
     let file = folder.path().join("session.mcap");
     assert!(!file.exists() && !active_name(&file).exists());
+}
+
+#[test]
+fn the_preflight_says_what_would_be_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let one = |film| camera(MJPG, vec![Life::Frames(film, End::Silence)]);
+    // 50 frames per second where the mode promises 100; frame 20 is lost on the bus. 9.5 ms of exposure leave 0.5 ms.
+    let mut slow = film(0..40);
+    slow.retain(|(_, frame)| frame.sequence != 20);
+    slow.iter_mut().for_each(|(at_ms, _)| *at_ms *= 2);
+    let cameras = vec![
+        ("left".to_owned(), one(film(0..80))),
+        ("right".to_owned(), one(slow)),
+        ("third".to_owned(), camera(MJPG, vec![Life::Absent])),
+    ];
+    let preflight = Preflight::run(Vec::new(), cameras, Duration::from_millis(1600), folder.path()).unwrap();
+    let rates: Vec<f64> = preflight.cameras.iter().map(|camera| camera.achieved_hz).collect();
+    assert!((rates[0] - 100.0).abs() < 1e-6 && (rates[1] - 38.0 / 0.78).abs() < 1e-6, "{rates:?}");
+    let expected = [
+        "left: it exposes for 9.5 ms of 10.0 ms between frames",
+        "right: 48.72 frames/s came where the camera promises 100.00.",
+        "right: it exposes for 9.5 ms",
+        "right: 1 frames that the driver counted but did not deliver.",
+        "third: no camera with serial number L1",
+    ];
+    assert_eq!(preflight.problems.len(), expected.len(), "{:?}", preflight.problems);
+    for (problem, start) in preflight.problems.iter().zip(expected) {
+        assert!(problem.starts_with(start), "{problem}");
+    }
+    assert!(preflight.disk_bytes_per_second > 1e6 && preflight.render().contains("left     100.00  100.00"), "{}", preflight.render());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left on the disk");
 }

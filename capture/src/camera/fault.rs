@@ -6,6 +6,9 @@ use std::path::PathBuf;
 /// A camera cannot be opened, or has failed. The text is half a sentence.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraFault {
+    /// There is no V4L2 here.
+    #[error("cameras are recorded on Linux only")]
+    NotLinux,
     /// No camera fits.
     #[error("no camera {wanted}; found are {found}")]
     NotFound {
@@ -73,7 +76,8 @@ pub enum CameraFault {
 
 impl CameraFault {
     /// What the operating system said when `action` was tried.
-    pub(super) fn system(action: &'static str, source: io::Error) -> Self {
+    #[must_use]
+    pub fn system(action: &'static str, source: io::Error) -> Self {
         const EBUSY: i32 = 16;
         const ENOSPC: i32 = 28;
         match source.raw_os_error() {

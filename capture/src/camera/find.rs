@@ -115,6 +115,12 @@ impl Identity {
         Self { name: device.name.clone(), port: device.port.clone(), serial }
     }
 
+    /// What chooses this camera on the command line, for good.
+    #[must_use]
+    pub fn selector(&self) -> String {
+        self.serial.as_ref().map_or_else(|| format!("usb:{}", self.port), |serial| format!("serial:{serial}"))
+    }
+
     /// The device of this camera, whatever its number is now: by serial number at whichever port, without one by port and name.
     ///
     /// # Errors
@@ -203,6 +209,7 @@ mod tests {
         for (port, path) in [("1-1", "/dev/video0"), ("1-2", "/dev/video2"), ("1-3", "/dev/video4")] {
             let identity = Identity::of(Selector::Port(port.to_owned()).find(&devices).unwrap(), &devices);
             assert_eq!(identity.find(&devices).unwrap().path, Path::new(path));
+            assert_eq!(identity.selector(), format!("usb:{port}"));
             assert!(identity.find(&[]).unwrap_err().to_string().contains("found are none"));
         }
     }

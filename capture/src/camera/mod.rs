@@ -1,26 +1,36 @@
 //! Cameras: what a recording needs of one, and what V4L2 gives.
 //!
 //! A [`Driver`] opens a camera wherever it is plugged in now and gives its frames with the driver's own stamp, sequence number and flags. The
-//! recorder sees nothing else of a camera, so a test can hand it one of its own. [`V4l2`] is the real one.
+//! recorder sees nothing else of a camera, so a test can hand it one of its own. [`V4l2`] is the real one, on Linux.
 
 pub mod controls;
+#[cfg(not(target_os = "linux"))]
+mod elsewhere;
 pub mod fault;
 pub mod find;
 pub mod frame;
 pub mod judge;
 pub mod mode;
 pub mod modes;
+#[cfg(target_os = "linux")]
+mod offers;
 pub mod source;
-pub mod v4l2;
+#[cfg(target_os = "linux")]
+mod v4l2;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+#[cfg(not(target_os = "linux"))]
+pub use self::elsewhere::{V4l2, offered};
 pub use self::fault::CameraFault;
 pub use self::find::Selector;
 pub use self::frame::Frame;
-pub use self::mode::{Encoding, Mode};
-pub use self::v4l2::{Request, V4l2};
+pub use self::mode::{Encoding, Mode, Request};
+#[cfg(target_os = "linux")]
+pub use self::offers::offered;
+#[cfg(target_os = "linux")]
+pub use self::v4l2::V4l2;
 
 /// A camera that may come and go.
 pub trait Driver: Send {

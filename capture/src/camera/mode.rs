@@ -48,6 +48,21 @@ pub struct Mode {
     pub stride_bytes: u32,
 }
 
+/// What is asked of a camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// Layout of the pixels.
+    pub encoding: Encoding,
+    /// Columns and rows (px).
+    pub size_px: [u32; 2],
+    /// Frames per second.
+    pub rate_hz: u32,
+    /// Whether exposure, focus and white balance are held.
+    pub lock: bool,
+    /// Exposure time to hold (ms); `None` is what the camera finds by itself.
+    pub exposure_ms: Option<f64>,
+}
+
 impl Mode {
     /// Frames per second, 0 if the camera does not say.
     #[must_use]

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::Path;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use v4l::buffer::{Metadata, Type};
@@ -22,7 +23,7 @@ use v4l::{Format, FourCC};
 use super::controls::{Controls, Held, Panel, exposure};
 use super::find::{Identity, SYSFS, Selector, devices};
 use super::mode::describe;
-use super::{CameraFault, Driver, Encoding, Frame, Mode, Opened, Stream};
+use super::{CameraFault, Driver, Encoding, Frame, Mode, Opened, Request, Stream};
 use crate::clock::Arrival;
 
 /// Buffers of the driver: 0.1 s at 60 frames per second.
@@ -31,23 +32,10 @@ const BUFFERS: u32 = 6;
 const FIRST_FRAME: Duration = Duration::from_secs(5);
 /// How long exposure and white balance are given to settle on the scene before they are locked.
 const SETTLE: Duration = Duration::from_millis(1500);
+/// How long the system may take to set up a camera's file.
+const SETTING_UP: Duration = Duration::from_secs(1);
 /// `POLLIN` of `poll.h`.
 const POLLIN: i16 = 1;
-
-/// What is asked of a camera.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Request {
-    /// Layout of the pixels.
-    pub encoding: Encoding,
-    /// Columns and rows (px).
-    pub size_px: [u32; 2],
-    /// Frames per second.
-    pub rate_hz: u32,
-    /// Whether exposure, focus and white balance are held.
-    pub lock: bool,
-    /// Exposure time to hold (ms); `None` is what the camera finds by itself.
-    pub exposure_ms: Option<f64>,
-}
 
 /// A camera that is opened by V4L2.
 pub struct V4l2 {
@@ -90,7 +78,7 @@ impl Driver for V4l2 {
             Some(identity) => identity.find(&present)?,
             None => self.selector.find(&present)?,
         };
-        let device = Device::with_path(&found.path).map_err(|e| CameraFault::system("open it", e))?;
+        let device = open_device(&found.path).map_err(|e| CameraFault::system("open it", e))?;
         let capabilities = device.query_caps().map_err(|e| CameraFault::system("ask what it is", e))?;
         if !capabilities.capabilities.contains(Flags::VIDEO_CAPTURE) {
             return Err(CameraFault::NoImages { path: found.path.clone(), card: capabilities.card });
@@ -121,6 +109,19 @@ impl Driver for V4l2 {
         record.extend(host());
         self.identity = Some(Identity::of(found, &present));
         Ok(Opened { stream: Box::new(stream), mode, record, notices })
+    }
+}
+
+/// Opens a device. One that was just plugged in has no file for a moment, or not yet its permissions; one that another program uses can be opened.
+fn open_device(path: &Path) -> io::Result<Device> {
+    let until = Instant::now() + SETTING_UP;
+    loop {
+        match Device::with_path(path) {
+            Err(e) if [ErrorKind::NotFound, ErrorKind::PermissionDenied].contains(&e.kind()) && Instant::now() < until => {
+                thread::sleep(SETTING_UP / 20);
+            }
+            opened => return opened,
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A bag as a recording: every message byte for byte with its definition, on a topic of the same name.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap, hash_map};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -52,7 +52,7 @@ pub fn import(path: &Path, rename: &[(String, String)], output: &Path) -> Result
     let mut take = |entry: Entry| -> Result<(), Stop> {
         match entry {
             Entry::Connection { id, topic, message_type, definition, metadata } => {
-                if !connections.contains_key(&id) {
+                if let hash_map::Entry::Vacant(place) = connections.entry(id) {
                     let topic = rename.iter().find(|(from, _)| *from == topic).map_or(topic, |(_, to)| to.clone());
                     let schema =
                         SchemaRef { message_encoding: "ros1", name: &message_type, encoding: "ros1msg", data: definition.as_bytes() };
@@ -60,7 +60,7 @@ pub fn import(path: &Path, rename: &[(String, String)], output: &Path) -> Result
                     topics.insert(topic);
                     let definition = Definition::parse(&message_type, &definition);
                     let stamps = definition.and_then(|definition| Extractor::new(&definition, &HEADER_STAMPS)).ok();
-                    connections.insert(id, Connection { channel, stamps });
+                    place.insert(Connection { channel, stamps });
                 }
             }
             Entry::Message { connection, time: [seconds, nanoseconds], data } => match connections.get(&connection) {
