@@ -18,7 +18,7 @@ fn two_raw_cameras_deliver_100_frames_each_without_a_gap() {
     let survey = machine.survey("clean");
     for side in Side::BOTH {
         let losses = survey.losses[&side];
-        assert!(losses.frames + losses.missed >= 100 && machine.is_clean(&losses), "{losses:?}");
+        assert!(machine.is_enough(losses.frames, 100) && machine.is_clean(&losses), "{losses:?}");
         assert_eq!(status == DONE, survey.losses.values().all(|losses| losses.total() == 0), "{json} {}", machine.text("clean.err"));
         let quality = &survey.topic(topics::raw(side)).unwrap().quality;
         assert!(machine.is_rate(1.0 / quality.median_interval_s.unwrap(), 25.0), "{quality:?}");
@@ -48,7 +48,7 @@ fn errors_of_buffers_queues_and_streams_are_survived_and_the_other_camera_sees_n
     // 1.2 s at 25 frames per second, of which vivid loses 30 in 100.
     assert!(left.missed >= 1 && left.missed < left.frames, "{left:?}");
     assert_eq!(json["topics"][0]["interruptions"], 2, "the queue's error and the stream's: {json}");
-    assert!(right.frames + right.missed > 150 && machine.is_clean(&right), "{right:?}");
+    assert!(machine.is_enough(right.frames, 150) && machine.is_clean(&right), "{right:?}");
     assert_eq!(json["topics"][1]["interruptions"], 0);
 }
 
@@ -60,7 +60,7 @@ fn webcams_deliver_mjpg_at_30_and_60_frames_per_second_byte_for_byte() {
         let survey = machine.survey(name);
         for side in Side::BOTH {
             let (losses, pictures) = (survey.losses[&side], machine.pictures(name, side));
-            assert!(losses.frames + losses.missed >= least && machine.is_clean(&losses), "{name}: {losses:?} {}", json["topics"]);
+            assert!(machine.is_enough(losses.frames, least) && machine.is_clean(&losses), "{name}: {losses:?} {}", json["topics"]);
             let rate = survey.topic(topics::compressed(side)).unwrap().rate_hz.unwrap();
             assert!(machine.is_rate(rate, rate_hz), "{name}: {rate}");
             // Pictures and sequence numbers go on together: nothing is missing that the driver did not count.
@@ -116,11 +116,13 @@ fn an_unplugged_webcam_comes_back_under_another_number_while_the_other_and_the_r
     assert_eq!(status, DATA_LOST);
     let survey = machine.survey("unplugged");
     let (left, right) = (survey.losses[&Side::Left], survey.losses[&Side::Right]);
-    assert!(right.frames > 150 && machine.is_clean(&right), "{right:?}");
+    assert!(machine.is_enough(right.frames, 260) && machine.is_clean(&right), "{right:?}");
     // Away for at least 1.5 s of 9.5 s.
-    assert!(left.frames > 75 && left.frames < right.frames * 9 / 10, "{left:?} {right:?} {json}");
+    assert!(machine.is_enough(left.frames, 120) && left.frames < right.frames * 9 / 10, "{left:?} {right:?} {json}");
     let interruptions = [0, 1].map(|camera| json["topics"][camera]["interruptions"].as_u64().unwrap());
     assert_eq!(interruptions, [1, 0], "{json}");
+    // A webcam that was away has its own values again, and is locked at the old ones.
+    assert_eq!(machine.text("left-unplugged.log").matches("set exposure_time 80\n").count(), 2);
     let said = machine.text("unplugged.err");
     assert!(said.contains("left camera: it is back."), "{said}");
     let (before, after) = (machine.text("devices"), machine.text("left-after"));
@@ -142,8 +144,8 @@ fn what_webcams_should_not_send_is_counted_by_cause_and_silence_is_ended() {
     let close = |count: u64, every: u64| (count as f64 * every as f64 / sent - 1.0).abs() < 0.5;
     assert!(close(left.truncated, 7) && close(left.missed, 11) && close(left.skipped, 13) && close(left.repeated, 17), "{left:?}");
     assert_eq!(left.damaged, 0);
-    // Silent after 60 frames, noticed after 2 s, opened again: twice or three times in 7 s.
+    // Silent after 90 frames, noticed after 2 s, opened again: once or twice in 6.5 s.
     let interruptions = json["topics"][1]["interruptions"].as_u64().unwrap();
-    assert!((1..=2).contains(&interruptions) && right.frames > 80, "{right:?} {json}");
+    assert!((1..=2).contains(&interruptions) && machine.is_enough(right.frames, 100), "{right:?} {json}");
     assert!(machine.text("bad.err").contains("right camera: no frame came for 2."), "{}", machine.text("bad.err"));
 }

@@ -52,7 +52,7 @@ done > /mnt/devices
 (sleep 3.2; raven-capture record --left serial:L1 --min-space 1 -o /tmp/busy.mcap > /mnt/busy.out 2> /mnt/busy.err) &
 record mjpg30 --left serial:L1 --right serial:R1 --duration 4.2
 cp /mnt/left.log /mnt/left-locked.log
-record mjpg60 --left serial:L1 --right serial:R1 --fps 60 --no-lock --duration 3.4
+record mjpg60 --left serial:L1 --right serial:R1 --fps 60 --exposure 8 --duration 3.4
 record yuyv --right serial:R1 --format yuyv --fps 15 --no-lock --duration 1.5
 raven-capture check --devices --left serial:L1 --right serial:R1 --seconds 1 --folder /tmp --json /mnt/devices.json > /mnt/devices.out 2> /mnt/devices.err
 killall virtual_webcam
@@ -60,19 +60,21 @@ sleep 0.7
 
 # The left camera is unplugged and comes back while somebody holds its old device, so that it gets another number. The robot and the other go on.
 plug 1 right --serial R1
-plug 0 left --serial L1 --unplug-after 5 --replug-after 1.5
+rm /mnt/left.log
+plug 0 left --serial L1 --unplug-after 6 --replug-after 1.5
 for device in /sys/class/video4linux/*; do
     grep -q "^left" "$device/name" && sleep 1000 < "/dev/$(basename "$device")" &
 done
 virtual_robot 200 2200 > /mnt/robot.out 2>&1 &
 sleep 0.3
-record unplugged --left serial:L1 --right serial:R1 --robot ros://127.0.0.1:11311/numbers --no-lock --duration 9.5
+record unplugged --left serial:L1 --right serial:R1 --robot ros://127.0.0.1:11311/numbers --exposure 8 --duration 9.5
+cp /mnt/left.log /mnt/left-unplugged.log
 grep -l "^left" /sys/class/video4linux/*/name | cut -d/ -f5 > /mnt/left-after
 killall virtual_webcam sleep
 sleep 0.7
 
 # A webcam that sends what webcams should not, and one that falls silent.
 plug 0 left --serial L1 --error-every 11 --short-every 7 --skip-every 13 --repeat-every 17
-plug 1 right --serial R1 --stall-at 60
-record bad --left serial:L1 --right serial:R1 --no-lock --duration 7
+plug 1 right --serial R1 --stall-at 90
+record bad --left serial:L1 --right serial:R1 --exposure 8 --duration 6.5
 killall virtual_webcam
