@@ -52,7 +52,6 @@ pub fn send(device: &Device, args: &Args, files: &[Vec<u8>]) {
         let presented = clock();
         let mut chunks = picture[..picture.len() / part].chunks(PAYLOAD_BYTES as usize - HEADER_BYTES).peekable();
         while let Some(chunk) = chunks.next() {
-            let Some(request) = device.request() else { break };
             let end = if chunks.peek().is_none() { END_OF_FRAME } else { 0 };
             let frame_of_usb = (plugged.elapsed().as_millis() as u16) & 0x7ff;
             let mut payload = vec![HEADER_BYTES as u8, END_OF_HEADER | TIMES | error | end | toggle];
@@ -60,7 +59,9 @@ pub fn send(device: &Device, args: &Args, files: &[Vec<u8>]) {
             payload.extend(clock().to_le_bytes());
             payload.extend(frame_of_usb.to_le_bytes());
             payload.extend(chunk);
-            device.reply(request, 0, &payload, payload.len() as u32);
+            if !device.deliver(&payload) {
+                break;
+            }
         }
         toggle ^= 1;
     }

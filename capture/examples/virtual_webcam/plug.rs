@@ -87,23 +87,25 @@ impl Device {
         exposure.map_or(negotiated, |exposure| negotiated.max(exposure))
     }
 
-    /// The next request for a payload, `None` if no more are wanted.
-    pub fn request(&self) -> Option<u32> {
+    /// Answers the next request for a payload with this one; `false` if no more are wanted. A request is answered before anybody can hear that it
+    /// was withdrawn: the hub unplugs a webcam that answers afterwards.
+    pub fn deliver(&self, payload: &[u8]) -> bool {
         let mut requests = self.requests.lock().unwrap();
         loop {
             if let Some(request) = requests.pop_front() {
-                return Some(request);
+                self.reply(request, 0, payload, payload.len() as u32);
+                return true;
             }
             let (guard, waited) = self.arrived.wait_timeout(requests, Duration::from_millis(200)).unwrap();
             requests = guard;
             if waited.timed_out() && (self.gone.load(SeqCst) || !self.streaming.load(SeqCst)) {
-                return None;
+                return false;
             }
         }
     }
 
     /// Answers a request with a status and bytes; `actual` is how many were transferred in either direction.
-    pub fn reply(&self, sequence: u32, status: i32, data: &[u8], actual: u32) {
+    fn reply(&self, sequence: u32, status: i32, data: &[u8], actual: u32) {
         self.send(3, sequence, status, actual, data);
     }
 
