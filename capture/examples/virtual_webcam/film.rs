@@ -23,12 +23,15 @@ fn due(every: Option<u32>, number: u32) -> bool {
 pub fn send(device: &Device, args: &Args, files: &[Vec<u8>]) {
     let plugged = Instant::now();
     let clock = || (plugged.elapsed().as_nanos() * 48 / 1000) as u32;
-    let (mut number, mut toggle, mut next) = (0_u32, 0_u8, None);
+    let (mut opening, mut number, mut toggle, mut next) = (0, 0_u32, 0_u8, None);
     while !device.gone.load(SeqCst) {
         if !device.streaming.load(SeqCst) {
-            (number, next) = (0, None);
             thread::sleep(Duration::from_millis(2));
             continue;
+        }
+        let now = device.openings.load(SeqCst);
+        if now != opening {
+            (opening, number, next) = (now, 0, None);
         }
         let moment = next.unwrap_or_else(|| Instant::now() + Duration::from_micros(args.delay_us));
         next = Some(moment + device.interval());

@@ -31,6 +31,8 @@ pub struct Device {
     out: Mutex<UnixStream>,
     controls: Mutex<Controls>,
     interval: AtomicU32,
+    /// How often frames were asked for anew.
+    pub openings: AtomicU32,
     /// Whether frames are wanted.
     pub streaming: AtomicBool,
     /// Index of the format.
@@ -54,6 +56,7 @@ pub fn plug(args: &Args) -> io::Result<()> {
         out: Mutex::new(ours.try_clone()?),
         controls: Mutex::new(Controls::new()),
         interval: INTERVALS[1].into(),
+        openings: 0.into(),
         streaming: false.into(),
         format: u32::from(MJPG).into(),
         gone: false.into(),
@@ -192,6 +195,7 @@ impl Device {
                 if high == 2 {
                     self.format.store(format.into(), SeqCst);
                     self.interval.store(interval, SeqCst);
+                    self.openings.fetch_add(1, SeqCst);
                     self.streaming.store(true, SeqCst);
                 }
                 Vec::new()

@@ -23,7 +23,9 @@ impl Judge {
     /// A judge that has seen nothing yet.
     #[must_use]
     pub fn new(mode: Mode) -> Self {
-        Self { mode, pace: Pace::default(), sequence: None, before: Vec::new() }
+        // A camera sends no faster than its mode says, however late its frames are taken.
+        let least_s = Some(mode.rate_hz()).filter(|rate_hz| *rate_hz > 0.0).map_or(0.0, f64::recip);
+        Self { mode, pace: Pace::of_at_least(least_s), sequence: None, before: Vec::new() }
     }
 
     /// Judges the next frame. The note's `timestamp` is left to the log.

@@ -16,11 +16,18 @@ pub struct Pace {
     window: Vec<f64>,
     next: usize,
     median_s: Option<f64>,
+    least_s: f64,
     longest_s: Option<f64>,
     gaps: u64,
 }
 
 impl Pace {
+    /// Of a stream whose messages are at least so far apart (s): intervals that bunch up after a delay are not taken for its pace.
+    #[must_use]
+    pub fn of_at_least(least_s: f64) -> Self {
+        Self { least_s, ..Self::default() }
+    }
+
     /// Takes the stamp of the next message; one that repeats or goes back is no interval. Returns how many messages must be missing before it,
     /// which is 0 up to [`GAP_FACTOR`] medians.
     pub fn take(&mut self, stamp: Stamp) -> u32 {
@@ -43,7 +50,7 @@ impl Pace {
         if self.next == LEAST || self.next.is_multiple_of(RENEW) {
             let mut sorted = self.window.clone();
             sorted.sort_unstable_by(f64::total_cmp);
-            self.median_s = sorted.get(sorted.len() / 2).copied();
+            self.median_s = sorted.get(sorted.len() / 2).map(|median| median.max(self.least_s));
         }
         missing
     }
@@ -95,6 +102,16 @@ mod tests {
         assert_eq!(pace.gaps(), quality.gaps as u64);
         assert_eq!(pace.longest_s(), quality.longest_interval_s);
         assert_eq!(quality.gaps, 20 + 3, "twenty at every 97th, three where a stamp went back");
+    }
+
+    #[test]
+    fn frames_that_bunch_up_are_not_the_pace() {
+        // Frames of 30 Hz that a busy machine takes three at a time, 1 ms apart every 100 ms.
+        let stamps = (0..200).flat_map(|i| [100 * i, 100 * i + 1, 100 * i + 2]);
+        let (mut free, mut camera) = (Pace::default(), Pace::of_at_least(1.0 / 30.0));
+        let missing = stamps.map(|ms: u64| Stamp(1 + ms * 1_000_000)).map(|stamp| [free.take(stamp), camera.take(stamp)]);
+        let [free, camera] = missing.fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
+        assert!(camera <= 400 && free > 10_000, "{camera} {free}");
     }
 
     #[test]
