@@ -1,23 +1,31 @@
 //! `raven-capture check`: what is in a log, how regular it is, and what can be done with it.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use raven::cli::{self, Outcome};
-use raven::log::{Recovery, Survey, TopicSurvey, recover};
+use raven::log::{FrameLosses, Recovery, Side, Survey, TopicSurvey, recover, topics};
 use raven::{Error, Result};
 use serde::Serialize;
 
+use crate::devices;
+use crate::record::summary::camera_table;
 use crate::steps::{Step, steps};
 use crate::table::table;
 
 /// Arguments of `raven-capture check`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  raven-capture check session.mcap\n  raven-capture check cut-off.mcap --recover -o session.mcap\n\n\
-                        Exit codes: 0 the log is whole, 1 failed, 2 wrong arguments, 3 the log is damaged.")]
+#[command(after_help = "Example:\n  raven-capture check session.mcap\n  raven-capture check cut-off.mcap --recover -o session.mcap\n  \
+                        raven-capture check --devices --left serial:2B4F91C0 --right serial:77D03A12\n\n\
+                        Exit codes: 0 the log is whole, 1 failed, 2 wrong arguments, 3 the log is damaged, or a recording would lose data.")]
 pub struct Args {
     /// The log.
-    pub file: PathBuf,
+    #[arg(required_unless_present = "devices", conflicts_with = "devices")]
+    pub file: Option<PathBuf>,
+    /// The preflight.
+    #[command(flatten)]
+    pub devices: devices::DeviceArgs,
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -43,9 +51,10 @@ struct Report<'a> {
 /// # Errors
 /// If the file cannot be read, is no MCAP file, or a result cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
-    let survey = Survey::of(&args.file)?;
+    let Some(file) = args.file.as_deref() else { return devices::run(&args.devices, args.json.as_deref(), out) };
+    let survey = Survey::of(file)?;
     let steps = steps(&survey);
-    let recovery = args.output.as_ref().map(|output| recover(&args.file, output)).transpose()?;
+    let recovery = args.output.as_ref().map(|output| recover(file, output)).transpose()?;
     // With `--json -`, standard output is for the machine alone.
     if args.json.as_deref() != Some(Path::new("-")) {
         let mut text = render(&survey, &steps);
@@ -60,7 +69,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         cli::write_json(json, &Report { survey: &survey, steps: &steps, recovery: recovery.as_ref() })?;
     }
     if survey.damage.is_some() && recovery.is_none() {
-        cli::warn(&format!("{}: the log is damaged; `--recover -o OUT.mcap` saves what can be read.", args.file.display()));
+        cli::warn(&format!("{}: the log is damaged; `--recover -o OUT.mcap` saves what can be read.", file.display()));
     }
     Ok(if survey.damage.is_some() { Outcome::DataLost } else { Outcome::Done })
 }
@@ -76,20 +85,32 @@ fn render(survey: &Survey, steps: &[Step]) -> String {
         let pairs: Vec<String> = survey.session.iter().map(|(key, value)| format!("{key} {value}")).collect();
         lines.push(format!("session: {}", pairs.join(", ")));
     }
+    for (name, record) in survey.records.iter().filter(|(name, _)| name.starts_with("camera.")) {
+        let of = |key: &str| record.get(key).map(String::as_str);
+        let words: Vec<&str> = ["card", "serial", "port", "mode", "stamps"].into_iter().filter_map(of).collect();
+        lines.push(format!("{name}: {}", words.join(", ")));
+    }
     lines.extend(survey.attachments.iter().map(|file| format!("attachment: {} ({}, {} bytes)", file.name, file.media_type, file.bytes)));
     lines.push(String::new());
     lines.extend(table(&topic_rows(survey, first), 2));
     lines.push(String::new());
     let before_remarks = lines.len();
+    lines.extend(camera_table(survey.losses.iter().map(|(side, losses)| (*side, *losses))));
     if let Some(skew) = survey.cameras {
         let (signed, absolute) = (1e3 * skew.right_minus_left_s, 1e3 * skew.absolute_s);
         lines.push(format!("cameras: right minus left {signed:.2} ms, {absolute:.2} ms without sign (medians over the nearest frames)"));
+    }
+    if let Some(clock) = survey.clock {
+        let (moved, step) = (1e3 * clock.moved_s, 1e3 * clock.largest_step_s);
+        lines.push(format!(
+            "clock: the system clock moved {moved:.3} ms against the recorder's, at most {step:.3} ms from one reading to the next"
+        ));
     }
     lines.extend(survey.tip.map(|tip| format!("tip: {} seen, {} occluded, {} jumped", tip.seen, tip.occluded, tip.jumped)));
     if survey.torque_recorded == Some(false) {
         lines.push("motors: torque was not recorded".to_owned());
     }
-    lines.extend(survey.topics.iter().flat_map(remarks));
+    lines.extend(survey.topics.iter().flat_map(|topic| remarks(topic, &survey.losses)));
     if lines.len() > before_remarks {
         lines.push(String::new());
     }
@@ -126,11 +147,14 @@ fn topic_rows(survey: &Survey, origin: Option<raven::log::Stamp>) -> Vec<Vec<Str
 }
 
 /// One sentence per irregularity that the table does not explain.
-fn remarks(topic: &TopicSurvey) -> Vec<String> {
+fn remarks(topic: &TopicSurvey, losses: &BTreeMap<Side, FrameLosses>) -> Vec<String> {
     let quality = &topic.quality;
+    // Where the recorder noted what happened to each frame, there is a table of it.
+    let noted = topics::camera_of(&topic.topic).is_some_and(|side| losses.contains_key(&side));
+    let unless_noted = |count: u64| if noted { 0 } else { count };
     let counts = [
-        (topic.truncated_frames as u64, "JPEG frames without an end marker: cut off by camera or cable"),
-        (topic.missing_frames, "frames that the camera counted are not in the log"),
+        (unless_noted(topic.truncated_frames as u64), "JPEG frames without an end marker: cut off by camera or cable"),
+        (unless_noted(topic.missing_frames), "frames that the camera counted are not in the log"),
         (quality.without_stamp as u64, "messages without a stamp: the time of publication stands in"),
         (quality.non_finite as u64, "messages with numbers that are not finite: left out"),
         (quality.undecodable as u64, "messages that do not fit their definition: left out"),
@@ -141,9 +165,10 @@ fn remarks(topic: &TopicSurvey) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use raven::log::{LogWriter, RavenState, Side, Stamp, topics};
+    use raven::log::{LogWriter, RavenState, Stamp};
 
     use super::*;
+    use clap::Parser;
 
     /// Half a minute of robot and cameras at low rates; the right camera is 5 ms late and loses a frame.
     fn session(path: &Path) {
@@ -160,9 +185,10 @@ mod tests {
         log.finish().unwrap();
     }
 
-    fn check(args: &Args) -> (Outcome, String) {
+    fn check(words: &[&str]) -> (Outcome, String) {
+        let args = crate::Args::parse_from(["raven-capture", "check"].iter().chain(words));
         let mut out = Vec::new();
-        let outcome = run(args, &mut out).unwrap();
+        let outcome = crate::run(args, &mut out).unwrap();
         (outcome, String::from_utf8(out).unwrap())
     }
 
@@ -175,7 +201,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (file, json) = (folder.path().join("session.mcap"), folder.path().join("check.json"));
         session(&file);
-        let (outcome, text) = check(&Args { file, json: Some(json.clone()), recover: false, output: None });
+        let (outcome, text) = check(&[file.to_str().unwrap(), "--json", json.to_str().unwrap()]);
         assert_eq!(outcome, Outcome::Done);
         let right = row(&text, topics::RIGHT_COMPRESSED);
         assert_eq!(right[1..8], ["299", "9.97", "100.000", "200.000", "1", "0", "0"], "{text}");
@@ -199,10 +225,10 @@ mod tests {
         session(&file);
         let bytes = std::fs::read(&file).unwrap();
         std::fs::write(&file, &bytes[..bytes.len() / 3]).unwrap();
-        let (outcome, text) = check(&Args { file, json: None, recover: true, output: Some(output.clone()) });
+        let (outcome, text) = check(&[file.to_str().unwrap(), "--recover", "-o", output.to_str().unwrap()]);
         assert_eq!(outcome, Outcome::DataLost);
         assert!(text.contains("DAMAGED: it breaks off") && text.contains("saved.mcap"), "{text}");
-        let (outcome, _) = check(&Args { file: output, json: None, recover: false, output: None });
+        let (outcome, _) = check(&[output.to_str().unwrap()]);
         assert_eq!(outcome, Outcome::Done);
     }
 }

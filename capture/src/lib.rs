@@ -1,7 +1,10 @@
 //! Records, simulates and checks sessions.
 
+pub mod camera;
 pub mod check;
 pub mod clock;
+pub mod devices;
+pub mod import;
 pub mod record;
 pub mod ros1;
 pub mod seal;
@@ -29,8 +32,10 @@ pub struct Args {
 pub enum Command {
     /// Say what is in a log, what is missing, and repair one that was cut off.
     Check(check::Args),
-    /// Record topics of a ROS 1 robot, byte for byte.
-    Record(record::Args),
+    /// Turn a ROS 1 bag, or a folder of image pairs, into a recording.
+    Import(import::Args),
+    /// Record cameras and topics of a ROS 1 robot, byte for byte.
+    Record(Box<record::Args>),
     /// Record a virtual lab: a robot that hides what you ask it to, and two webcams.
     Simulate(simulate::Args),
 }
@@ -42,6 +47,7 @@ pub enum Command {
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match args.command {
         Command::Check(args) => check::run(&args, out),
+        Command::Import(args) => import::run(&args, out),
         Command::Record(args) => record::run(&args, out),
         Command::Simulate(args) => simulate::run(&args, out),
     }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use console::style;
 use indicatif::ProgressBar;
 use raven::cli;
+use raven::log::{CameraSkew, Side};
 
 use super::source::{Counters, Counts};
 use super::writer::Progress;
@@ -17,6 +18,33 @@ const SILENT_S: f64 = 1.0;
 const SILENT_INTERVALS: f64 = 3.0;
 /// How often the line changes on a terminal, and how often there is one elsewhere.
 const PERIODS: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(5)];
+
+/// A source as it is shown.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    /// Name in the recording.
+    pub topic: String,
+    /// Which camera, if it is one.
+    pub camera: Option<Side>,
+    /// What it has done so far.
+    pub counters: Arc<Counters>,
+}
+
+impl Shown {
+    fn name(&self) -> &str {
+        match self.camera {
+            Some(side) => side.name(),
+            None => &self.topic,
+        }
+    }
+}
+
+/// How far apart the latest frames of both cameras are; `None` without two of them.
+#[must_use]
+pub fn skew(shown: &[Shown]) -> Option<CameraSkew> {
+    let recent = |side| shown.iter().find(|shown| shown.camera == Some(side)).map(|shown| shown.counters.recent_frames());
+    CameraSkew::of(&recent(Side::Left)?, &recent(Side::Right)?)
+}
 
 /// The live line.
 pub struct Live {
@@ -36,21 +64,24 @@ impl Live {
     }
 
     /// Shows how it goes, if it is time.
-    pub fn show(&mut self, topics: &[(String, Arc<Counters>)], progress: &Progress) {
+    pub fn show(&mut self, shown: &[Shown], progress: &Progress) {
         let [on_terminal, elsewhere] = PERIODS;
         let lasted = self.shown.elapsed();
         if lasted < if self.bar.is_hidden() { elsewhere } else { on_terminal } {
             return;
         }
         self.shown = Instant::now();
-        let counts: Vec<Counts> = topics.iter().map(|(_, counters)| counters.read()).collect();
+        let counts: Vec<Counts> = shown.iter().map(|shown| shown.counters.read()).collect();
         let now_ns = Arrival::now().monotonic_ns;
         let mut parts = vec![format!("REC {}", minutes(self.started.elapsed()))];
-        for (i, ((topic, _), counts)) in topics.iter().zip(&counts).enumerate() {
+        for (i, (shown, counts)) in shown.iter().zip(&counts).enumerate() {
             let since = self.before.get(i).map_or(0, |before| before.received);
             let rate_hz = counts.received.saturating_sub(since) as f64 / lasted.as_secs_f64();
-            let (text, alarming) = source(topic, counts, rate_hz, now_ns);
+            let (text, alarming) = source(shown.name(), counts, rate_hz, now_ns);
             parts.push(if alarming { style(text).red().for_stderr().to_string() } else { text });
+        }
+        if let Some(skew) = skew(shown) {
+            parts.push(format!("skew {:.1} +- {:.1} ms", 1e3 * skew.right_minus_left_s, 1e3 * skew.spread_s));
         }
         let bytes = progress.bytes();
         let rate = bytes.saturating_sub(self.bytes_before) as f64 / lasted.as_secs_f64();
@@ -84,14 +115,18 @@ fn source(topic: &str, counts: &Counts, rate_hz: f64, now_ns: u64) -> (String, b
     if silent_s > SILENT_S.max(usual_s) {
         return (format!("{topic} SILENT for {silent_s:.0} s"), true);
     }
-    let mut text = format!("{topic} {rate_hz:.0} Hz, {} gaps", counts.gaps);
+    let mut text = match &counts.frames {
+        Some(frames) => format!("{topic} {rate_hz:.1} fps, {} drops", frames.total()),
+        None => format!("{topic} {rate_hz:.0} Hz, {} gaps", counts.gaps),
+    };
     if let Some(lag_s) = counts.lag_s {
         text += &format!(", lag {:.1} ms", 1e3 * lag_s);
     }
     if counts.dropped > 0 {
         text += &format!(", {} DROPPED", counts.dropped);
     }
-    (text, counts.dropped > 0)
+    let drops = counts.frames.is_some_and(|frames| frames.total() > 0);
+    (text, counts.dropped > 0 || drops)
 }
 
 fn minutes(time: Duration) -> String {
@@ -115,6 +150,10 @@ mod tests {
         assert_eq!(source("/a", &at(5.0, 0.001), 0.0, now_ns), ("/a SILENT for 5 s".to_owned(), true));
         assert!(!source("/a", &at(5.0, 2.0), 0.0, now_ns).1, "one message in two seconds");
         assert_eq!(source("/a", &Counts::default(), 0.0, now_ns), ("/a no message yet".to_owned(), true));
+        let frames = |missed| Some(raven::log::FrameLosses { frames: 30, missed, ..Default::default() });
+        let camera = Counts { frames: frames(0), ..at(9.9, 0.033) };
+        assert_eq!(source("left", &camera, 29.97, now_ns), ("left 30.0 fps, 0 drops, lag 2.1 ms".to_owned(), false));
+        assert!(source("left", &Counts { frames: frames(1), ..camera }, 29.97, now_ns).1);
         let dropping = Counts { dropped: 7, ..at(9.9, 0.001) };
         assert_eq!(source("/a", &dropping, 1000.0, now_ns), ("/a 1000 Hz, 0 gaps, lag 2.1 ms, 7 DROPPED".to_owned(), true));
     }

@@ -1,5 +1,6 @@
-//! `raven-capture record`: topics of a robot in one file, each message as it came and when it came.
+//! `raven-capture record`: cameras and topics of a robot in one file, each frame and message as it came and when it came.
 
+pub mod args;
 pub mod live;
 pub mod pace;
 mod recording;
@@ -10,92 +11,76 @@ pub mod writer;
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 use raven::cli::{self, Outcome};
-use raven::log::topics;
+use raven::log::{Side, topics};
 use raven::{Error, Result};
 
-use self::live::Live;
+pub use self::args::Args;
+use self::args::{cameras, wanted, with_extension};
+use self::live::{Live, Shown};
 use self::source::{Counters, Feed};
 use self::summary::{Summary, TopicSummary};
 use self::topic::{Shared, TopicSource};
 use self::writer::{Plan, Writer};
+use crate::camera::source::{CameraSource, Ready, Sink};
+use crate::camera::{Driver, Encoding};
 use crate::clock::SessionClock;
-use crate::ros1::{Endpoint, MASTER_PORT, Node, Subscription, TopicAddress, topic_name};
+use crate::ros1::{Endpoint, Node, Subscription, TopicAddress};
 
 /// How often the command looks up from waiting.
 const GLANCE: Duration = Duration::from_millis(100);
 
-/// Arguments of `raven-capture record`.
-#[derive(Debug, clap::Args)]
-#[command(
-    group = clap::ArgGroup::new("source").args(["robot", "joint_encoders", "topic"]).multiple(true).required(true),
-    after_help = "Example:\n  raven-capture record --robot ros://robot:11311/ravenstate --duration 60 -o session.mcap\n  \
-                  raven-capture record --ros-master http://robot:11311 --topic /ravenstate --topic /joint_states -o session.mcap\n\n\
-                  Ctrl-C ends the recording and completes the file; a second one aborts. Until then it is called session.mcap.active, and\n\
-                  `raven-capture check --recover` reads it if everything else fails.\n\n\
-                  Exit codes: 0 recorded, 1 failed, 2 wrong arguments, 3 recorded, but data were lost."
-)]
-pub struct Args {
-    /// The robot's own message, recorded as /ravenstate.
-    #[arg(long, value_name = "ros://HOST:PORT/TOPIC")]
-    pub robot: Option<TopicAddress>,
-    /// Reference encoders at the joints, recorded as /joint_encoders.
-    #[arg(long, value_name = "ros://HOST:PORT/TOPIC")]
-    pub joint_encoders: Option<TopicAddress>,
-    /// A topic recorded under its own name; may be repeated.
-    #[arg(long, value_name = "TOPIC", value_parser = topic_name)]
-    pub topic: Vec<String>,
-    /// The ROS master of --topic; ROS_MASTER_URI or this machine if left off. ROS_IP or ROS_HOSTNAME say how the robot reaches this machine,
-    /// if it is not by the address that the master sees.
-    #[arg(long, value_name = "URI", requires = "topic")]
-    pub ros_master: Option<Endpoint>,
-    /// End after so long [s].
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
-    pub duration: Option<f64>,
-    /// Begin another file after so much [MB]: NAME_000.mcap, NAME_001.mcap and so on.
-    #[arg(long, value_name = "MB", value_parser = positive)]
-    pub split_size: Option<f64>,
-    /// Space that must stay free on the disk [MB]; below it the recording ends.
-    #[arg(long, value_name = "MB", default_value_t = 1000)]
-    pub min_space: u64,
-    /// What to remember of the session, as in operator=Kim; may be repeated.
-    #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
-    pub session: Vec<(String, String)>,
-    /// Write the result as JSON; `-` is standard output.
-    #[arg(long, value_name = "FILE")]
-    pub json: Option<PathBuf>,
-    /// The recording; .mcap is added if it is left off.
-    #[arg(short, long, value_name = "NAME")]
-    pub output: PathBuf,
-}
-
 /// Records until it is told to end.
 ///
 /// # Errors
-/// If a master cannot be reached, or the recording exists or cannot be created. What goes wrong later ends in the outcome.
+/// If a camera cannot be opened or a master reached, or the recording exists or cannot be created. What goes wrong later ends in the outcome.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+    record(args, cameras(args), out)
+}
+
+/// Records from these cameras, whatever they are, and the topics that were asked for.
+///
+/// # Errors
+/// Those of [`run`].
+pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn Write) -> Result<Outcome> {
     let wanted = wanted(args)?;
     let clock = SessionClock::start();
     let (feed, queue) = Feed::new();
     let (notices, notes) = mpsc::channel();
-    let stop = stop_on_signals()?;
+    let (stop, rolling) = (stop_on_signals()?, Arc::new(AtomicBool::new(false)));
 
-    let mut shown: Vec<(String, Arc<Counters>)> = Vec::new();
+    // Cameras first, all at once: they take seconds to settle. Without one of them, or without a master, there must be no file.
+    let sink = |side| {
+        let (feed, notices, rolling) = (feed.clone(), notices.clone(), Arc::clone(&rolling));
+        Sink { side, counters: Arc::default(), feed, clock, notices, rolling }
+    };
+    let mut sources = Vec::new();
+    for (side, driver) in cameras {
+        let sink = sink(side);
+        sources.push((side, Arc::clone(&sink.counters), CameraSource::start(driver, sink)?));
+    }
+    let (mut shown, mut records) = (Vec::new(), vec![("session".to_owned(), session(args, &wanted, clock))]);
+    for (side, counters, source) in &sources {
+        let Ready { mode, record } = source.ready()?;
+        let topic = if mode.encoding == Encoding::Mjpg { topics::compressed(*side) } else { topics::raw(*side) };
+        shown.push(Shown { topic: topic.to_owned(), camera: Some(*side), counters: Arc::clone(counters) });
+        records.push((format!("camera.{}", side.name()), record));
+    }
+
     let mut by_master: BTreeMap<Endpoint, Vec<Subscription>> = BTreeMap::new();
     for (recorded_as, address) in &wanted {
         let counters = Arc::new(Counters::default());
-        shown.push((recorded_as.clone(), Arc::clone(&counters)));
+        shown.push(Shown { topic: recorded_as.clone(), camera: None, counters: Arc::clone(&counters) });
         let (feed, notices) = (feed.clone(), notices.clone());
         let source = TopicSource { recorded_as: recorded_as.clone(), counters, feed, clock, notices, said: Default::default() };
         let listener = Arc::new(Shared(Arc::new(source)));
         by_master.entry(address.master.clone()).or_default().push(Subscription { topic: address.topic.clone(), listener });
     }
-    // Masters first: without one there must be no file.
     let nodes: Vec<Node> = by_master
         .into_iter()
         .map(|(master, subscriptions)| Node::start(master, subscriptions, notices.clone()))
@@ -104,10 +89,11 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         path: with_extension(&args.output),
         split_bytes: args.split_size.map(|megabytes| (megabytes * 1e6) as u64),
         min_space_bytes: args.min_space.saturating_mul(1_000_000),
-        session: session(args, &wanted, clock),
+        records,
         clock,
     };
     let writer = Writer::start(plan, queue)?;
+    rolling.store(true, Ordering::Relaxed);
 
     let mut live = Live::start();
     // A duration beyond the end of time is one without an end.
@@ -119,12 +105,15 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
             live.say(&sentence);
         }
     }
-    drop(nodes);
+    drop((nodes, sources));
+    notes.try_iter().for_each(|sentence| live.say(&sentence));
     let written = writer.finish()?;
     let seconds = live.end().as_secs_f64();
 
-    let topics = shown.into_iter().map(|(topic, counters)| TopicSummary { topic, counts: counters.read() }).collect();
-    let summary = Summary::new(written, seconds, topics);
+    let skew = live::skew(&shown);
+    let topics =
+        shown.into_iter().map(|Shown { topic, camera, counters }| TopicSummary { topic, camera, counts: counters.read() }).collect();
+    let summary = Summary::new(written, seconds, topics, skew);
     summary.lost.iter().for_each(|sentence| cli::warn(sentence));
     if args.json.as_deref() != Some(Path::new("-")) {
         out.write_all(summary.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
@@ -133,34 +122,6 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         cli::write_json(json, &summary)?;
     }
     Ok(summary.outcome())
-}
-
-/// Every topic that was asked for, with its name in the recording.
-fn wanted(args: &Args) -> Result<Vec<(String, TopicAddress)>> {
-    let mut wanted: Vec<(String, TopicAddress)> = Vec::new();
-    wanted.extend(args.robot.iter().map(|address| (topics::RAVEN_STATE.to_owned(), address.clone())));
-    wanted.extend(args.joint_encoders.iter().map(|address| (topics::JOINT_ENCODERS.to_owned(), address.clone())));
-    if !args.topic.is_empty() {
-        let master = args.ros_master.clone().map_or_else(usual_master, Ok)?;
-        wanted.extend(args.topic.iter().map(|topic| (topic.clone(), TopicAddress { master: master.clone(), topic: topic.clone() })));
-    }
-    let mut names: Vec<&str> = wanted.iter().map(|(name, _)| name.as_str()).chain([topics::CLOCK]).collect();
-    names.sort_unstable();
-    if let Some([twice, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(Error::Argument(format!(
-            "`{twice}` would be in the recording twice; the recorder's own clocks are on `{}`.",
-            topics::CLOCK
-        )));
-    }
-    Ok(wanted)
-}
-
-/// The master that ROS's own programs would take.
-fn usual_master() -> Result<Endpoint> {
-    match std::env::var("ROS_MASTER_URI") {
-        Ok(uri) if !uri.is_empty() => uri.parse().map_err(|what| Error::Argument(format!("ROS_MASTER_URI: {what}."))),
-        _ => Ok(Endpoint { host: "localhost".to_owned(), port: MASTER_PORT }),
-    }
 }
 
 /// Metadata record `session`.
@@ -186,23 +147,4 @@ fn stop_on_signals() -> Result<Arc<AtomicBool>> {
             .map_err(|e| Error::Data(format!("Ctrl-C cannot be caught: {e}.")))?;
     }
     Ok(stop)
-}
-
-fn with_extension(output: &Path) -> PathBuf {
-    if output.extension().is_some_and(|extension| extension == "mcap") {
-        return output.to_owned();
-    }
-    let mut name = output.as_os_str().to_owned();
-    name.push(".mcap");
-    name.into()
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "expected a number above 0".to_owned())
-}
-
-fn pair(text: &str) -> Result<(String, String), String> {
-    let (key, value) = text.split_once('=').filter(|(key, _)| !key.is_empty()).ok_or("expected KEY=VALUE")?;
-    Ok((key.to_owned(), value.to_owned()))
 }

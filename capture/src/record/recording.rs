@@ -125,11 +125,13 @@ impl Recording {
         let path = self.plan.part(self.files.len());
         let mut log = LogWriter::live(&path)?;
         self.open = Some(path);
-        let mut session = self.plan.session.clone();
-        if self.plan.split_bytes.is_some() {
+        let mut records = self.plan.records.clone();
+        if let (Some((_, session)), Some(_)) = (records.first_mut(), self.plan.split_bytes) {
             session.insert("part".to_owned(), self.files.len().to_string());
         }
-        log.metadata("session", &session)?;
+        for (name, record) in &records {
+            log.metadata(name, record)?;
+        }
         self.log = Some(log);
         // From here on the file can be read if it is cut off.
         self.tick().map(|_| ())

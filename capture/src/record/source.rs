@@ -3,12 +3,13 @@
 //! A source stamps what it has, hands it over, and never waits: where the queue is full the sample is dropped and counted. Nothing is paired
 //! or put in order here; every sample has its own stamp.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use raven::Result;
-use raven::log::{LogWriter, Stamp};
+use raven::log::{FrameLosses, FrameMeta, LogWriter, Stamp};
 
 use super::pace::Pace;
 use crate::clock::Arrival;
@@ -17,6 +18,8 @@ use crate::clock::Arrival;
 const QUEUE_SAMPLES: usize = 1 << 14;
 /// Bytes that may wait: 7 s of two raw cameras.
 const QUEUE_BYTES: usize = 256 << 20;
+/// Stamps of a camera's latest frames that are kept: some seconds, for the skew between the cameras.
+const RECENT: usize = 128;
 
 /// Something to be recorded.
 pub trait Sample: Send {
@@ -70,6 +73,14 @@ pub struct Counters {
     interruptions: AtomicU64,
     misfits: AtomicU64,
     times: Mutex<Times>,
+    frames: Mutex<Option<Frames>>,
+}
+
+/// What is known of a camera's frames.
+#[derive(Debug, Default)]
+struct Frames {
+    losses: FrameLosses,
+    recent: VecDeque<Stamp>,
 }
 
 /// What is known of the times of a source's messages.
@@ -101,6 +112,9 @@ pub struct Counts {
     pub longest_interval_s: Option<f64>,
     /// System time of the last arrival minus the stamp of that message (s).
     pub lag_s: Option<f64>,
+    /// Of a camera: its frames, and what went wrong with them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<FrameLosses>,
     /// Median of the latest intervals (s).
     pub median_interval_s: Option<f64>,
     /// Messages per second between the first arrival and the last.
@@ -126,6 +140,24 @@ impl Counters {
         self.misfits.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Counts a camera's frame by what was noted of it.
+    pub fn frame(&self, stamp: Stamp, meta: &FrameMeta) {
+        let mut frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+        let Frames { losses, recent } = frames.get_or_insert_default();
+        losses.take(meta);
+        if recent.len() == RECENT {
+            recent.pop_front();
+        }
+        recent.push_back(stamp);
+    }
+
+    /// Stamps of a camera's latest frames.
+    #[must_use]
+    pub fn recent_frames(&self) -> Vec<Stamp> {
+        let frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+        frames.iter().flat_map(|frames| frames.recent.iter().copied()).collect()
+    }
+
     /// The counters now.
     #[must_use]
     pub fn read(&self) -> Counts {
@@ -143,6 +175,7 @@ impl Counters {
             gaps: times.pace.gaps(),
             longest_interval_s: times.pace.longest_s(),
             lag_s: last.zip(times.pace.last()).map(|(last, stamp)| Stamp(last.realtime_ns).seconds_since(stamp)),
+            frames: self.frames.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(|frames| frames.losses),
             median_interval_s: times.pace.median_s(),
             rate_hz: lasted_s.filter(|lasted_s| *lasted_s > 0.0).map(|lasted_s| received.saturating_sub(1) as f64 / lasted_s),
             last_monotonic_ns: last.map(|last| last.monotonic_ns),

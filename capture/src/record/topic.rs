@@ -12,7 +12,7 @@ use crate::clock::SessionClock;
 use crate::ros1::{Connection, Fault, Listener, Message, Receiver};
 
 /// Where messages have their header; the robot's own calls it `hdr`.
-const HEADER_STAMPS: [&str; 2] = ["header.stamp", "hdr.stamp"];
+pub(crate) const HEADER_STAMPS: [&str; 2] = ["header.stamp", "hdr.stamp"];
 
 /// A publisher that always finds something new to complain of is not listened to for ever.
 const SENTENCES: usize = 50;

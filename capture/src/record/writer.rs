@@ -22,8 +22,8 @@ pub struct Plan {
     pub split_bytes: Option<u64>,
     /// Bytes that must stay free on the disk.
     pub min_space_bytes: u64,
-    /// Metadata record `session`.
-    pub session: BTreeMap<String, String>,
+    /// Metadata records by name; the first is `session`.
+    pub records: Vec<(String, BTreeMap<String, String>)>,
     /// The clock of all stamps.
     pub clock: SessionClock,
 }
@@ -146,7 +146,7 @@ impl Writer {
 }
 
 /// Free bytes on the disk of a file that need not exist.
-pub(super) fn free_bytes(path: &Path) -> Result<u64> {
+pub(crate) fn free_bytes(path: &Path) -> Result<u64> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let disk = rustix::fs::statvfs(folder).map_err(|e| Error::io(folder, "look at", e.into()))?;
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))

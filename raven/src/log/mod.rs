@@ -7,11 +7,13 @@
 pub mod ros1;
 pub mod topics;
 
+mod clock;
 mod converter;
 mod frames;
 mod header;
 mod joints;
 mod live;
+mod losses;
 mod pixels;
 mod protobuf;
 mod quality;
@@ -19,6 +21,7 @@ mod recording;
 mod recover;
 mod robot_state;
 mod series;
+mod skew;
 mod stamp;
 mod survey;
 #[cfg(test)]
@@ -28,16 +31,20 @@ mod walk;
 mod write_protobuf;
 mod writer;
 
+pub use clock::ClockSurvey;
 pub use frames::{CameraFrame, FrameData, Side, frame_stamps, frames};
 pub use live::{active_name, complete};
+pub use losses::FrameLosses;
+pub use pixels::is_truncated_jpeg;
 pub use protobuf::{ClockSample, FrameMeta};
 pub use quality::{GAP_FACTOR, StreamQuality};
 pub use recording::{MotorSource, Recording};
 pub use recover::{Recovery, recover};
 pub use robot_state::{ARM_JOINTS, RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, RavenState, arm_offset};
 pub use series::JointSeries;
+pub use skew::CameraSkew;
 pub use stamp::Stamp;
-pub use survey::{CameraSkew, StoredFile, Survey, TipCounts, TopicSurvey};
+pub use survey::{StoredFile, Survey, TipCounts, TopicSurvey};
 pub use tip::{TipObservation, TipStatus};
 pub use walk::{Attachment, Channel, Damage, Item, RawMessage, Walker};
 pub use write_protobuf::CameraInfo;

@@ -158,7 +158,8 @@ impl Raster<'_> {
 }
 
 /// Whether the last bytes of a JPEG, zeros aside, are not its end marker.
-pub(super) fn is_truncated_jpeg(bytes: &[u8]) -> bool {
+#[must_use]
+pub fn is_truncated_jpeg(bytes: &[u8]) -> bool {
     let is_jpeg = bytes.starts_with(&[0xff, 0xd8]);
     let end = bytes.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
     is_jpeg && !bytes.get(..end).is_some_and(|whole| whole.ends_with(&[0xff, 0xd9]))

@@ -62,6 +62,21 @@ pub struct FrameMeta {
     /// The JPEG has no end marker.
     #[prost(bool, tag = "8")]
     pub truncated: bool,
+    /// The frame has the contents of the one before it.
+    #[prost(bool, tag = "9")]
+    pub repeated: bool,
+    /// Frames that must be missing before this one by the interval, though the driver counted none.
+    #[prost(uint32, tag = "10")]
+    pub skipped: u32,
+}
+
+impl FrameMeta {
+    /// Whether the driver says that what the frame holds is damaged (V4L2_BUF_FLAG_ERROR).
+    #[must_use]
+    pub const fn is_damaged(&self) -> bool {
+        const ERROR: u32 = 0x40;
+        self.flags & ERROR != 0
+    }
 }
 
 /// `raven_cal.ClockSample`: one reading of both clocks.
@@ -115,6 +130,8 @@ impl Described for FrameMeta {
                 ("bytes", Type::Uint32, one),
                 ("gap", Type::Uint32, one),
                 ("truncated", Type::Bool, one),
+                ("repeated", Type::Bool, one),
+                ("skipped", Type::Uint32, one),
             ],
         )
     }
@@ -248,6 +265,8 @@ mod tests {
             bytes: 1,
             gap: 1,
             truncated: true,
+            repeated: true,
+            skipped: 1,
         });
         wire_types(&ClockSample { timestamp, monotonic_ns: 1, realtime_ns: 1 });
     }

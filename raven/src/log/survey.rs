@@ -3,12 +3,15 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
+use prost::Message;
 use serde::Serialize;
 
 use super::frames::FrameDecoder;
 use super::header::{StampReader, schema_name};
-use super::quality::median;
-use super::{Channel, Damage, Item, MotorSource, RawMessage, Recording, Side, Stamp, StreamQuality, TipStatus, Walker, topics};
+use super::{
+    CameraSkew, Channel, ClockSample, ClockSurvey, Damage, FrameLosses, FrameMeta, Item, MotorSource, RawMessage, Recording, Side, Stamp,
+    StreamQuality, TipStatus, Walker, topics,
+};
 use crate::Result;
 use crate::robot::SourceFormat;
 
@@ -34,15 +37,6 @@ pub struct TopicSurvey {
     /// Regularity.
     #[serde(flatten)]
     pub quality: StreamQuality,
-}
-
-/// How far apart the frames of the two cameras are.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct CameraSkew {
-    /// Median of the stamp of the nearest right frame minus that of each left frame (s).
-    pub right_minus_left_s: f64,
-    /// Median of its absolute value (s).
-    pub absolute_s: f64,
 }
 
 /// What became of the tracked point.
@@ -82,12 +76,18 @@ pub struct Survey {
     pub topics: Vec<TopicSurvey>,
     /// Both cameras, if there are two.
     pub cameras: Option<CameraSkew>,
+    /// Frames of each camera and what went wrong with them, where the recorder noted it.
+    pub losses: BTreeMap<Side, FrameLosses>,
+    /// How the recorder's clocks went, where it noted it.
+    pub clock: Option<ClockSurvey>,
     /// Whether the motors' torque or force was recorded; `None` without motors.
     pub torque_recorded: Option<bool>,
     /// The tracked point; `None` without `/tip`.
     pub tip: Option<TipCounts>,
     /// Metadata record `session`.
     pub session: BTreeMap<String, String>,
+    /// All other metadata records by name, as in `camera.left`.
+    pub records: BTreeMap<String, BTreeMap<String, String>>,
     /// Stored files.
     pub attachments: Vec<StoredFile>,
 }
@@ -102,6 +102,8 @@ impl Survey {
         let mut channels = HashMap::new();
         let mut streams = BTreeMap::new();
         let mut session = BTreeMap::new();
+        let mut records: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
+        let (mut losses, mut clock) = (BTreeMap::new(), Vec::new());
         let mut attachments = Vec::new();
         walker.run(|item| {
             match item {
@@ -115,12 +117,17 @@ impl Survey {
                     if let (Some(reading), Some(stream)) = (channels.get(&message.channel.id), streams.get_mut(topic)) {
                         stream.take(reading, &message);
                     }
+                    match note_of(&message) {
+                        Some(Note::Frame(side, meta)) => losses.entry(side).or_insert_with(FrameLosses::default).take(&meta),
+                        Some(Note::Clock(sample)) => clock.push(sample),
+                        None => {}
+                    }
                 }
                 Item::Attachment(file) => {
                     attachments.push(StoredFile { name: file.name, media_type: file.media_type, bytes: file.data.len() });
                 }
                 Item::Metadata(name, pairs) if name == "session" => session.extend(pairs),
-                Item::Metadata(..) => {}
+                Item::Metadata(name, pairs) => records.entry(name).or_default().extend(pairs),
             }
             Ok(())
         })?;
@@ -132,9 +139,12 @@ impl Survey {
             damage: walker.damage().cloned(),
             topics: streams.into_values().map(Stream::finish).collect(),
             cameras,
+            losses,
+            clock: ClockSurvey::of(&clock),
             torque_recorded: None,
             tip: None,
             session,
+            records,
             attachments,
         };
         survey.look_into_numbers();
@@ -168,6 +178,24 @@ impl Survey {
                 topic.quality.undecodable = quality.undecodable;
             }
         }
+    }
+}
+
+/// What the recorder noted besides what it recorded.
+enum Note {
+    Frame(Side, FrameMeta),
+    Clock(ClockSample),
+}
+
+fn note_of(message: &RawMessage<'_>) -> Option<Note> {
+    let topic = message.channel.topic.as_str();
+    match schema_name(message.channel) {
+        "raven_cal.FrameMeta" => {
+            let side = Side::BOTH.into_iter().find(|&side| topic == topics::frame_meta(side))?;
+            FrameMeta::decode(message.data).ok().map(|meta| Note::Frame(side, meta))
+        }
+        "raven_cal.ClockSample" if topic == topics::CLOCK => ClockSample::decode(message.data).ok().map(Note::Clock),
+        _ => None,
     }
 }
 
@@ -235,22 +263,7 @@ impl Stream {
     }
 }
 
-/// For each left frame the nearest right one. Free-running cameras keep one skew, so its median tells it apart from dropped frames.
 fn camera_skew(streams: &BTreeMap<String, Stream>) -> Option<CameraSkew> {
-    let stamps = |side: Side| {
-        let stream = streams.get(topics::compressed(side)).or_else(|| streams.get(topics::raw(side)))?;
-        let mut stamps = stream.stamps.clone();
-        stamps.sort_unstable();
-        Some(stamps)
-    };
-    let (left, right) = (stamps(Side::Left)?, stamps(Side::Right)?);
-    let nearest = |&left: &Stamp| {
-        let after = right.partition_point(|&right| right < left);
-        let candidates = [after.checked_sub(1).and_then(|before| right.get(before)), right.get(after)];
-        let skews = candidates.into_iter().flatten().map(|right| right.seconds_since(left));
-        skews.min_by(|a, b| a.abs().total_cmp(&b.abs()))
-    };
-    let mut signed: Vec<f64> = left.iter().filter_map(nearest).collect();
-    let mut absolute: Vec<f64> = signed.iter().map(|skew| skew.abs()).collect();
-    Some(CameraSkew { right_minus_left_s: median(&mut signed)?, absolute_s: median(&mut absolute)? })
+    let stamps = |side: Side| streams.get(topics::compressed(side)).or_else(|| streams.get(topics::raw(side))).map(|stream| &stream.stamps);
+    CameraSkew::of(stamps(Side::Left)?, stamps(Side::Right)?)
 }

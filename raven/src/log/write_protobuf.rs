@@ -31,7 +31,7 @@ pub struct CameraInfo<'a> {
 }
 
 impl LogWriter {
-    /// Writes a JPEG as it came from the camera; `sequence` is the camera's count of frames, 0 if it has none.
+    /// Writes a JPEG, or a PNG, as it came from the camera; `sequence` is the camera's count of frames, 0 if it has none.
     ///
     /// # Errors
     /// If the disk is full.
@@ -41,7 +41,7 @@ impl LogWriter {
             timestamp: timestamp(times.measured),
             frame_id: frame_id(side),
             data: Bytes::copy_from_slice(jpeg),
-            format: "jpeg".to_owned(),
+            format: if jpeg.starts_with(b"\x89PNG") { "png" } else { "jpeg" }.to_owned(),
         };
         self.foxglove(topics::compressed(side), times, sequence, &image)
     }

@@ -1,0 +1,294 @@
+//! `raven-capture check --devices`: what would come of a recording, before it is made.
+//!
+//! Lists what is plugged in, runs the chosen cameras together for some seconds as a recording would, and holds what they deliver against what was
+//! asked for, and their bytes against what the disk can take.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use raven::cli::{self, Outcome};
+use raven::log::{FrameLosses, Stamp};
+use raven::{Error, Result};
+use serde::Serialize;
+
+use crate::camera::find::{Device, Identity, SYSFS, devices};
+use crate::camera::judge::Judge;
+use crate::camera::modes::OfferedMode;
+use crate::camera::{CameraFault, Driver, Opened, Selector, offered};
+use crate::record::args::{CameraArgs, positive};
+use crate::record::writer::free_bytes;
+use crate::table::table;
+
+/// What is written to see how fast the disk is.
+const PROBE_BYTES: usize = 64 << 20;
+/// A disk must be so many times as fast as what is recorded, since it is not ours alone.
+const DISK_MARGIN: f64 = 2.0;
+/// The rate may fall short of the mode by so much.
+const RATE_SHORTFALL: f64 = 0.02;
+/// An exposure longer than this part of the interval leaves no time to read the sensor.
+const EXPOSURE_PART: f64 = 0.9;
+
+/// Arguments of the preflight.
+#[derive(Debug, Clone, clap::Args)]
+pub struct DeviceArgs {
+    /// List the cameras that are plugged in, and try those that are chosen, or all, as a recording would.
+    #[arg(long)]
+    pub devices: bool,
+    /// The left camera, as `record` takes it.
+    #[arg(long, value_name = "CAMERA", requires = "devices")]
+    pub left: Option<Selector>,
+    /// The right camera.
+    #[arg(long, value_name = "CAMERA", requires = "devices")]
+    pub right: Option<Selector>,
+    /// What is asked of the cameras.
+    #[command(flatten)]
+    pub camera: CameraArgs,
+    /// How long the cameras are tried [s].
+    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value = "3")]
+    pub seconds: f64,
+    /// Folder of the disk that would be recorded to.
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    pub folder: PathBuf,
+}
+
+/// Lists and tries cameras.
+///
+/// # Errors
+/// If the disk cannot be written to.
+pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Result<Outcome> {
+    let devices = devices(Path::new(SYSFS));
+    let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, &devices, offered(&device.path)?))).collect();
+    if present.is_empty() && args.left.is_none() && args.right.is_none() {
+        return Err(Error::Data("no camera is plugged in.".to_owned()));
+    }
+    let mut cameras: Vec<(String, Box<dyn Driver>)> = Vec::new();
+    let chosen = [("left", &args.left), ("right", &args.right)];
+    cameras.extend(chosen.into_iter().filter_map(|(name, camera)| Some((name.to_owned(), args.camera.driver(camera.clone()?)))));
+    if cameras.is_empty() {
+        let all = present.iter().map(|present| (present.choose.clone(), args.camera.driver(Selector::Device(present.path.clone()))));
+        cameras.extend(all);
+    }
+    let time = Duration::try_from_secs_f64(args.seconds).map_err(|_| Error::Argument("--seconds is too long.".to_owned()))?;
+    let preflight = Preflight::run(present, cameras, time, &args.folder)?;
+    preflight.problems.iter().for_each(|sentence| cli::warn(sentence));
+    if json != Some(Path::new("-")) {
+        out.write_all(preflight.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
+    }
+    if let Some(json) = json {
+        cli::write_json(json, &preflight)?;
+    }
+    Ok(if preflight.problems.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// What one camera delivered.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CameraTrial {
+    /// Name on the command line.
+    pub name: String,
+    /// What it delivers, in words.
+    pub mode: String,
+    /// Frames per second that the mode promises, and that came.
+    pub promised_hz: f64,
+    /// See `promised_hz`.
+    pub achieved_hz: f64,
+    /// The longest time between two frames (s).
+    pub longest_interval_s: Option<f64>,
+    /// From the driver's stamp to the program, median (s).
+    pub latency_s: Option<f64>,
+    /// Bytes per second.
+    pub bytes_per_second: f64,
+    /// Exposure time (s), if the camera says.
+    pub exposure_s: Option<f64>,
+    /// Frames and what went wrong with them.
+    pub frames: FrameLosses,
+    /// What the log would know of it.
+    pub record: BTreeMap<String, String>,
+    /// What could not be done as asked.
+    pub notices: Vec<String>,
+}
+
+/// What would come of a recording.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Preflight {
+    /// Video devices that give images, and the modes they offer.
+    pub devices: Vec<Present>,
+    /// The cameras that ran.
+    pub cameras: Vec<CameraTrial>,
+    /// Bytes per second that the disk takes.
+    pub disk_bytes_per_second: f64,
+    /// Bytes free there.
+    pub free_bytes: u64,
+    /// Sentences about what would go wrong.
+    pub problems: Vec<String>,
+}
+
+/// A device that gives images.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Present {
+    /// Its file.
+    pub path: PathBuf,
+    /// Its name.
+    pub name: String,
+    /// How to choose it for good.
+    pub choose: String,
+    /// What it offers.
+    pub modes: Vec<OfferedMode>,
+}
+
+impl Present {
+    /// A device among all, with the modes that it offers.
+    #[must_use]
+    pub fn new(device: &Device, all: &[Device], modes: Vec<OfferedMode>) -> Self {
+        let choose = Identity::of(device, all).selector();
+        Self { path: device.path.clone(), name: device.name.clone(), choose, modes }
+    }
+}
+
+impl Preflight {
+    /// Runs cameras together for so long, and tries the disk of `folder`.
+    ///
+    /// # Errors
+    /// If the disk cannot be written to.
+    pub fn run(devices: Vec<Present>, cameras: Vec<(String, Box<dyn Driver>)>, time: Duration, folder: &Path) -> Result<Self> {
+        let trials: Vec<(String, Result<CameraTrial, CameraFault>)> = thread::scope(|scope| {
+            let running = cameras.into_iter().map(|(name, driver)| (name.clone(), scope.spawn(move || trial(name, driver, time))));
+            let running: Vec<_> = running.collect();
+            running.into_iter().map(|(name, thread)| (name, thread.join().unwrap_or(Err(CameraFault::Broken)))).collect()
+        });
+        let (disk_bytes_per_second, free_bytes) = (disk_speed(folder)?, free_bytes(&folder.join("session.mcap"))?);
+        let mut preflight = Self { devices, cameras: Vec::new(), disk_bytes_per_second, free_bytes, problems: Vec::new() };
+        for (name, trial) in trials {
+            match trial {
+                Ok(trial) => {
+                    preflight.problems.extend(trial.problems());
+                    preflight.cameras.push(trial);
+                }
+                Err(fault) => preflight.problems.push(format!("{name}: {fault}.")),
+            }
+        }
+        let needed = preflight.needed_bytes_per_second();
+        if DISK_MARGIN * needed > preflight.disk_bytes_per_second {
+            preflight.problems.push(format!(
+                "the disk takes {:.0} MB/s, and the cameras need {:.1} MB/s: choose another disk, or MJPG.",
+                preflight.disk_bytes_per_second * 1e-6,
+                needed * 1e-6
+            ));
+        }
+        Ok(preflight)
+    }
+
+    fn needed_bytes_per_second(&self) -> f64 {
+        self.cameras.iter().map(|camera| camera.bytes_per_second).sum()
+    }
+
+    /// The result as people read it.
+    #[must_use]
+    pub fn render(&self) -> String {
+        let mut lines = Vec::new();
+        for Present { path, name, choose, modes } in &self.devices {
+            lines.push(format!("{choose}  {name}  {}", path.display()));
+            lines.extend(modes.iter().map(|mode| format!("    {mode}")));
+        }
+        let titles = ["camera", "rate/Hz", "of", "longest/ms", "latency/ms", "MB/s", "exposure/ms", "losses"].map(str::to_owned).to_vec();
+        let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.1}", 1e3 * value));
+        let row = |camera: &CameraTrial| {
+            vec![
+                camera.name.clone(),
+                format!("{:.2}", camera.achieved_hz),
+                format!("{:.2}", camera.promised_hz),
+                number(camera.longest_interval_s),
+                number(camera.latency_s),
+                format!("{:.2}", camera.bytes_per_second * 1e-6),
+                number(camera.exposure_s),
+                camera.frames.total().to_string(),
+            ]
+        };
+        if !self.cameras.is_empty() {
+            lines.push(String::new());
+            lines.extend(table(&std::iter::once(titles).chain(self.cameras.iter().map(row)).collect::<Vec<_>>(), 0));
+        }
+        let (speed, free) = (self.disk_bytes_per_second * 1e-6, self.free_bytes as f64 * 1e-9);
+        let needed = self.needed_bytes_per_second();
+        let lasts = if needed > 0.0 { format!(", enough for {:.0} min", self.free_bytes as f64 / needed / 60.0) } else { String::new() };
+        lines.push(format!("disk: {speed:.0} MB/s, {free:.1} GB free{lasts}"));
+        lines.push(String::new());
+        lines.join("\n")
+    }
+}
+
+impl CameraTrial {
+    fn problems(&self) -> Vec<String> {
+        let mut problems: Vec<String> = self.notices.iter().map(|notice| format!("{}: {notice}.", self.name)).collect();
+        let slow = self.achieved_hz < (1.0 - RATE_SHORTFALL) * self.promised_hz;
+        let long = self.exposure_s.filter(|exposure_s| exposure_s * self.promised_hz > EXPOSURE_PART);
+        if slow {
+            let (achieved, promised) = (self.achieved_hz, self.promised_hz);
+            problems.push(format!("{}: {achieved:.2} frames/s came where the camera promises {promised:.2}.", self.name));
+        }
+        if let Some(exposure_s) = long {
+            let (exposure_ms, interval_ms) = (1e3 * exposure_s, 1e3 / self.promised_hz);
+            problems.push(format!(
+                "{}: it exposes for {exposure_ms:.1} ms of {interval_ms:.1} ms between frames, which costs frames: more light, or a shorter \
+                 `--exposure`.",
+                self.name
+            ));
+        }
+        let losses = self.frames.causes().into_iter().filter(|(count, _)| *count > 0);
+        problems.extend(losses.map(|(count, what)| format!("{}: {count} {what}.", self.name)));
+        problems
+    }
+}
+
+/// Runs a camera for so long.
+fn trial(name: String, mut driver: Box<dyn Driver>, time: Duration) -> Result<CameraTrial, CameraFault> {
+    let Opened { mut stream, mode, record, notices } = driver.open()?;
+    let (mut judge, mut frames) = (Judge::new(mode), FrameLosses::default());
+    let (mut bytes, mut stamps, mut latencies) = (0_u64, Vec::new(), Vec::new());
+    let until = Instant::now() + time;
+    while Instant::now() < until {
+        let Some(frame) = stream.next(until.saturating_duration_since(Instant::now()))? else { continue };
+        frames.take(&judge.take(&frame));
+        bytes += frame.bytes.len() as u64;
+        stamps.push(Stamp(frame.monotonic_ns()));
+        latencies.push(frame.dequeued.monotonic_ns as f64 * 1e-9 - frame.monotonic_ns() as f64 * 1e-9);
+    }
+    drop(stream);
+    latencies.sort_unstable_by(f64::total_cmp);
+    let lasted_s = stamps.last().zip(stamps.first()).map_or(0.0, |(last, first)| last.seconds_since(*first));
+    let achieved_hz = if lasted_s > 0.0 { (stamps.len() - 1) as f64 / lasted_s } else { 0.0 };
+    Ok(CameraTrial {
+        name,
+        mode: mode.to_string(),
+        promised_hz: mode.rate_hz(),
+        achieved_hz,
+        longest_interval_s: judge.pace().longest_s(),
+        latency_s: latencies.get(latencies.len() / 2).copied(),
+        bytes_per_second: bytes as f64 / frames.frames.max(1) as f64 * achieved_hz,
+        exposure_s: exposure_s(&record),
+        frames,
+        record,
+        notices,
+    })
+}
+
+/// The exposure that a camera was recorded with (s).
+fn exposure_s(record: &BTreeMap<String, String>) -> Option<f64> {
+    let units: f64 = record.get("control exposure_time_100us")?.split_whitespace().next()?.parse().ok()?;
+    Some(units * 1e-4)
+}
+
+/// Bytes per second that go to the disk and stay there.
+fn disk_speed(folder: &Path) -> Result<f64> {
+    let mut file = raven::files::temporary_beside(&folder.join("session.mcap"))?;
+    // Bytes that no file system can compress away.
+    let block: Vec<u8> = (0..1_u64 << 20).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 51) as u8).collect();
+    let start = Instant::now();
+    for _ in 0..PROBE_BYTES / block.len() {
+        file.write_all(&block).map_err(|e| Error::io(folder, "write in", e))?;
+    }
+    file.as_file().sync_data().map_err(|e| Error::io(folder, "sync in", e))?;
+    Ok(PROBE_BYTES as f64 / start.elapsed().as_secs_f64())
+}

@@ -1,0 +1,25 @@
+//! The compressions of a bag's chunks: none, bzip2, and LZ4 in its frame format.
+
+use std::io::Read;
+
+use super::bag::BagFault;
+
+/// The records of a chunk, which must be of the size that its header says.
+///
+/// # Errors
+/// If the compression is another one, or the bytes are not of it or not as many.
+pub fn unpack(compression: &str, size: u32, data: &[u8]) -> Result<Vec<u8>, BagFault> {
+    // One byte more than is said tells a chunk that is too long without unpacking all of it.
+    let limit = u64::from(size) + 1;
+    let mut records = Vec::new();
+    match compression {
+        "none" => data.take(limit).read_to_end(&mut records)?,
+        "bz2" => bzip2::read::BzDecoder::new(data).take(limit).read_to_end(&mut records)?,
+        "lz4" => lz4_flex::frame::FrameDecoder::new(data).take(limit).read_to_end(&mut records)?,
+        other => return Err(BagFault::Malformed(format!("the compression `{other}` of a chunk is none of none, bz2 and lz4"))),
+    };
+    if records.len() as u64 == u64::from(size) {
+        return Ok(records);
+    }
+    Err(BagFault::Malformed(format!("a chunk has {} bytes where its header says {size}", records.len())))
+}

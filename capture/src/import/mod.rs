@@ -1,0 +1,81 @@
+//! `raven-capture import`: ROS 1 bags and folders of image pairs as recordings.
+
+pub mod bag;
+pub mod chunk;
+pub mod from_bag;
+pub mod images;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use raven::cli::{self, Outcome};
+use raven::{Error, Result};
+use serde::Serialize;
+
+use crate::record::args::{positive, with_extension};
+use crate::ros1::topic_name;
+
+/// Arguments of `raven-capture import`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  raven-capture import session.bag -o session.mcap\n  \
+                        raven-capture import session.bag --rename /cam0/image_raw/compressed=/stereo/left/image_raw/compressed -o session.mcap\n  \
+                        raven-capture import boards/ -o boards.mcap      (boards/left01.png, boards/right01.png, ...)\n\n\
+                        Exit codes: 0 imported, 1 failed, 2 wrong arguments, 3 imported up to where the bag is damaged, or without pictures that have no other.")]
+pub struct Args {
+    /// A ROS 1 bag (format 2.0), or a folder of JPEG or PNG pictures of both cameras: left*, right* or folders left, right; pairs have the same
+    /// number at the end of their names.
+    pub input: PathBuf,
+    /// Another name for a topic of the bag; may be repeated.
+    #[arg(long, value_name = "TOPIC=TOPIC", value_parser = renaming)]
+    pub rename: Vec<(String, String)>,
+    /// Pairs of pictures per second; a number of 16 digits or more at the end of their names is their time [ns] instead.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = positive)]
+    pub fps: f64,
+    /// Write the result as JSON; `-` is standard output.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// The recording; .mcap is added if it is left off.
+    #[arg(short, long, value_name = "NAME")]
+    pub output: PathBuf,
+}
+
+/// What was imported.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Imported {
+    /// Messages in the recording.
+    pub messages: u64,
+    /// Topics, or cameras.
+    pub topics: Vec<String>,
+    /// Sentences about what was left out; empty if nothing was.
+    pub lost: Vec<String>,
+}
+
+/// Imports a bag or a folder.
+///
+/// # Errors
+/// If the input cannot be read or holds nothing to import, or the recording cannot be written.
+pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+    let output = with_extension(&args.output);
+    if output.exists() {
+        return Err(Error::file(&output, "this recording exists, and recordings are never written over; choose another name."));
+    }
+    let imported = if args.input.is_dir() {
+        images::import(&args.input, args.fps, &output)?
+    } else {
+        from_bag::import(&args.input, &args.rename, &output)?
+    };
+    imported.lost.iter().for_each(|sentence| cli::warn(sentence));
+    if args.json.as_deref() != Some(Path::new("-")) {
+        let text = format!("{}: {} messages on {}\n", output.display(), imported.messages, imported.topics.join(", "));
+        out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
+    }
+    if let Some(json) = &args.json {
+        cli::write_json(json, &imported)?;
+    }
+    Ok(if imported.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+fn renaming(text: &str) -> Result<(String, String), String> {
+    let (from, to) = text.split_once('=').ok_or("expected TOPIC=TOPIC")?;
+    Ok((topic_name(from)?, topic_name(to)?))
+}

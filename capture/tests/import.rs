@@ -1,0 +1,178 @@
+//! `raven-capture import`: bags that the test writes, bags that ROS's own `rosbag` writes, damaged ones, and folders of pictures.
+
+mod lab;
+
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use clap::Parser;
+use lab::{DEFINITION, TYPE, message, numbers};
+use proptest::prelude::*;
+use raven::cli::Outcome;
+use raven::log::{FrameData, Side, Stamp, Survey, frames, ros1};
+use raven_capture::import::bag::{BagFault, MAGIC, read_record};
+
+const TOPIC: &str = "/numbers";
+
+fn import(input: &Path, output: &Path, more: &[&str]) -> raven::Result<Outcome> {
+    let words = ["raven-capture", "import", input.to_str().unwrap(), "-o", output.to_str().unwrap()];
+    raven_capture::run(raven_capture::Args::parse_from(words.iter().chain(more)), &mut Vec::new())
+}
+
+fn sum() -> String {
+    ros1::md5::md5sum(&ros1::Definition::parse(TYPE, DEFINITION).unwrap()).unwrap()
+}
+
+fn sized(bytes: &[u8]) -> Vec<u8> {
+    [&(bytes.len() as u32).to_le_bytes(), bytes].concat()
+}
+
+fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    let header: Vec<u8> = fields.iter().flat_map(|(name, value)| sized(&[name.as_bytes(), b"=", value].concat())).collect();
+    [sized(&header), sized(data)].concat()
+}
+
+/// A bag with these numbers, ten to a chunk.
+fn bag(numbers: std::ops::Range<u64>, compression: &str) -> Vec<u8> {
+    let sum = sum();
+    let said = [("topic", TOPIC), ("type", TYPE), ("md5sum", &sum), ("message_definition", DEFINITION), ("callerid", "/robot")];
+    let said: Vec<u8> = said.iter().flat_map(|(name, value)| sized(format!("{name}={value}").as_bytes())).collect();
+    let connection = record(&[("op", &[7]), ("conn", &0_u32.to_le_bytes()), ("topic", TOPIC.as_bytes())], &said);
+    let mut bag =
+        [MAGIC, &record(&[("op", &[3]), ("index_pos", &[0; 8]), ("conn_count", &[0; 4]), ("chunk_count", &[0; 4])], &[b' '; 4000])]
+            .concat();
+    for from in numbers.clone().step_by(10) {
+        let mut chunk = connection.clone();
+        for number in from..(from + 10).min(numbers.end) {
+            let time = [100 + number as u32, 5].map(u32::to_le_bytes).concat();
+            chunk.extend(record(&[("op", &[2]), ("conn", &0_u32.to_le_bytes()), ("time", &time)], &message(number)));
+        }
+        let packed = match compression {
+            "bz2" => {
+                let mut packer = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+                packer.write_all(&chunk).unwrap();
+                packer.finish().unwrap()
+            }
+            "lz4" => {
+                let mut packer = lz4_flex::frame::FrameEncoder::new(Vec::new());
+                packer.write_all(&chunk).unwrap();
+                packer.finish().unwrap()
+            }
+            _ => chunk.clone(),
+        };
+        let size = (chunk.len() as u32).to_le_bytes();
+        bag.extend(record(&[("op", &[5]), ("compression", compression.as_bytes()), ("size", &size)], &packed));
+        bag.extend(record(&[("op", &[4]), ("ver", &1_u32.to_le_bytes()), ("conn", &[0; 4]), ("count", &[0; 4])], &[]));
+    }
+    bag.extend(connection);
+    bag
+}
+
+#[test]
+fn bags_of_every_compression_are_imported_byte_for_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    for compression in ["none", "bz2", "lz4"] {
+        let (input, output) = (folder.path().join("session.bag"), folder.path().join(format!("{compression}.mcap")));
+        std::fs::write(&input, bag(0..95, compression)).unwrap();
+        assert_eq!(import(&input, &output, &["--rename", "/numbers=/ravenstate"]).unwrap(), Outcome::Done, "{compression}");
+        assert_eq!(numbers(&output, "/ravenstate"), ((0..95).collect(), true), "{compression}");
+        let survey = Survey::of(&output).unwrap();
+        let topic = survey.topic("/ravenstate").unwrap();
+        assert_eq!((topic.schema.as_str(), topic.quality.without_stamp), (TYPE, 0));
+        assert_eq!(survey.session["imported from"], "session.bag");
+        assert!(import(&input, &output, &[]).unwrap_err().to_string().contains("never written over"));
+    }
+}
+
+#[test]
+fn a_damaged_bag_is_imported_up_to_the_damage_and_what_is_none_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("cut.bag"), folder.path().join("saved.mcap"));
+    let whole = bag(0..95, "bz2");
+    std::fs::write(&input, &whole[..whole.len() * 2 / 3]).unwrap();
+    assert_eq!(import(&input, &output, &[]).unwrap(), Outcome::DataLost);
+    let (read, whole_log) = numbers(&output, TOPIC);
+    assert!(whole_log && read.len() >= 40 && read.len() < 70 && read == (0..read.len() as u64).collect::<Vec<_>>(), "{read:?}");
+    for (bytes, must_say) in [(&b"no bag at all"[..], "does not begin as a bag"), (&whole[..4100], "nothing to import")] {
+        std::fs::write(&input, bytes).unwrap();
+        let output = folder.path().join("none.mcap");
+        let said = import(&input, &output, &[]).unwrap_err().to_string();
+        assert!(said.contains(must_say), "{said}");
+        assert!(!output.exists());
+    }
+}
+
+#[test]
+fn bags_of_rosbag_itself_are_imported() {
+    const SCRIPT: &str = "import sys, genpy, rosbag\n\
+        path, compression, kind, md5, definition, messages = sys.argv[1:]\n\
+        pytype = type('Numbered', (), dict(_type=kind, _md5sum=md5, _full_text=open(definition).read()))\n\
+        data = open(messages, 'rb').read()\n\
+        with rosbag.Bag(path, 'w', compression=compression, chunk_threshold=20000) as bag:\n\
+        \x20   for i in range(len(data) // 980):\n\
+        \x20       bag.write('/numbers', (kind, data[980*i:980*i+980], md5, pytype), t=genpy.Time(100 + i, 5), raw=True)\n";
+    let there = |python: &&str| {
+        let asked = Command::new(python).args(["-c", "import rosbag"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
+        asked.is_ok_and(|status| status.success())
+    };
+    let Some(python) = ["/usr/bin/python3", "python3"].into_iter().find(there) else {
+        eprintln!("SKIPPED: rosbag is not there (Debian: python3-rosbag).");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(file("definition"), DEFINITION).unwrap();
+    std::fs::write(file("messages"), (0..500).flat_map(message).collect::<Vec<u8>>()).unwrap();
+    for compression in ["none", "bz2", "lz4"] {
+        let (bag, log) = (file(&format!("{compression}.bag")), file(&format!("{compression}.mcap")));
+        let written = Command::new(python)
+            .args(["-c", SCRIPT, &bag, compression, TYPE, &sum(), &file("definition"), &file("messages")])
+            .output()
+            .unwrap();
+        assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+        assert_eq!(import(bag.as_ref(), log.as_ref(), &[]).unwrap(), Outcome::Done, "{compression}");
+        assert_eq!(numbers(log.as_ref(), TOPIC), ((0..500).collect(), true), "{compression}");
+    }
+}
+
+#[test]
+fn pictures_are_paired_by_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join("boards").join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    };
+    let jpeg = |number: u8| vec![0xff, 0xd8, number, 0xff, 0xd9];
+    (0..12).for_each(|number| picture(&format!("left{number}.jpg"), &jpeg(number)));
+    (0..12).filter(|number| *number != 5).for_each(|number| picture(&format!("right/{number:03}.JPG"), &jpeg(100 + number)));
+    picture("notes.txt", b"");
+    let (input, output) = (folder.path().join("boards"), folder.path().join("boards.mcap"));
+    assert_eq!(import(&input, &output, &["--fps", "2"]).unwrap(), Outcome::DataLost);
+    let read: Vec<_> = frames(&output).unwrap().map(Result::unwrap).map(|frame| (frame.side, frame.stamp, frame.data)).collect();
+    let expected: Vec<_> = (0..12_u8)
+        .filter(|number| *number != 5)
+        .flat_map(|number| {
+            let stamp = Stamp(1_000_000_000 + 500_000_000 * u64::from(number));
+            [(Side::Left, stamp, FrameData::Jpeg(jpeg(number))), (Side::Right, stamp, FrameData::Jpeg(jpeg(100 + number)))]
+        })
+        .collect();
+    assert_eq!(read, expected);
+    picture("left0005.png", b"");
+    let said = import(&input, &folder.path().join("twice.mcap"), &[]).unwrap_err().to_string();
+    assert!(said.contains("are both number 5 of the left camera"), "{said}");
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_break_the_reader(cut in 0_usize..6000, at in 0_usize..6000, byte in any::<u8>()) {
+        let mut bytes = bag(0..3, "none")[MAGIC.len()..].to_vec();
+        if let Some(place) = bytes.get_mut(at) {
+            *place = byte;
+        }
+        let mut input = bytes.get(cut % bytes.len()..).unwrap();
+        let mut take = |_| Ok::<(), BagFault>(());
+        while let Ok(true) = read_record(&mut input, &mut take) {}
+    }
+}
