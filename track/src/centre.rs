@@ -13,7 +13,7 @@
 //!
 //! How much a pixel weighs in the first fit is set for a webcam's frames. The next sees from the residuals of the first how much noise there
 //! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
-//! [`crate::refine`].
+//! `refine`.
 
 use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, SVector, Vector2};

@@ -72,7 +72,7 @@ const STEP_PX: f64 = 0.01;
 
 /// The point that both cameras see; `None` where their rays do not meet, the calibration's error allowed for.
 ///
-/// Its covariance is that of both pixels, of which a part is [alike](ALIKE_STD_PX): it moves the point sideways, and not in depth.
+/// Its covariance is that of both pixels, of which a part is alike (`ALIKE_STD_PX`): it moves the point sideways, and not in depth.
 #[must_use]
 pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<StereoPoint> {
     let pixels = seen.map(|s| s.pixel);
