@@ -18,6 +18,7 @@
 use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, SVector, Vector2};
 
+use crate::correlated::{Influence, centre_variance_px2};
 use crate::patch::{CHROMA, LUMA, Patch, Sample};
 use crate::refine::{Residual, refined};
 use crate::sieve::LEVEL;
@@ -40,11 +41,10 @@ const NOISE: f64 = 3.0;
 const MODEL_ERROR: [f64; 2] = [0.03, 0.03];
 /// Where a residual ceases to count by its square, in standard deviations.
 const HUBER: f64 = 1.5;
-/// Neighbouring pixels err together, by compression and by texture behind the edge, so that the fit's own standard deviation is too small.
-const CORRELATION: f64 = 2.5;
-/// What the camera's unknown response does: rendered balls shift by -0.03 px along the light for a linear one, by 0.09 px for gamma 2.2.
-/// With both figures the squared error is 0.5 to 1.5 of the stated variance on rendered balls, from raw and linear to JPEG and gamma 2.2.
-const RESPONSE_STD_PX: f64 = 0.05;
+/// What the camera's unknown response does to a ball that is lit from one side, per axis [px]: rendered balls lie where they are by a
+/// linear response, and with grey levels of gamma 2.2, which most webcams send, they shift towards the light by 0.07 to 0.11 px, whatever
+/// their size. All cameras that see the ball from one side err alike.
+pub const RESPONSE_STD_PX: f64 = 0.07;
 const ITERATIONS: usize = 15;
 /// Steps smaller than this end a fit [px]: one that only gives weights, and one that gives the centre.
 const ROUGH_PX: f64 = 0.02;
@@ -83,20 +83,11 @@ pub struct Weights {
     pub huber: f64,
     /// Standard deviation of the coefficients of brightness of order 1 and 2, over the mean brightness.
     pub shade: [f64; 2],
-    /// By how much neighbouring pixels that err together make the centre worse than the fit says.
-    pub correlation: f64,
 }
 
 impl Default for Weights {
     fn default() -> Self {
-        Self {
-            noise: [NOISE; 2],
-            edge: [MODEL_ERROR[0]; 2],
-            inside: [MODEL_ERROR[1]; 2],
-            huber: HUBER,
-            shade: BRIGHTNESS_STD,
-            correlation: CORRELATION,
-        }
+        Self { noise: [NOISE; 2], edge: [MODEL_ERROR[0]; 2], inside: [MODEL_ERROR[1]; 2], huber: HUBER, shade: BRIGHTNESS_STD }
     }
 }
 
@@ -104,9 +95,31 @@ impl Default for Weights {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settled {
     pub(crate) x: Vector,
-    pub(crate) variance: Vector,
-    /// Of the centre, per axis [px].
-    noise_px: f64,
+    covariance: Matrix,
+    /// How many of the unknowns the pixels determined, not the prior.
+    determined: f64,
+}
+
+impl Settled {
+    /// Variances of the unknowns, neighbours taken to err independently.
+    pub(crate) fn variance(&self) -> Vector {
+        self.covariance.diagonal()
+    }
+
+    /// Standard deviation of the centre per axis [px], from a fit to `patch` with `weights`.
+    fn noise_px(&self, patch: &Patch, weights: &Weights) -> f64 {
+        let planes = [(CHROMA, 1.0), (LUMA, patch.luma_per_chroma)].map(|(k, gain)| {
+            let influence = |sample: &Sample| {
+                let place = Place::of(&self.x, sample);
+                let told = place.tell(&self.x, sample, k, gain)?;
+                let root_weight = told.weight(sample, weights, k).sqrt();
+                let moves = self.covariance.fixed_rows::<2>(0) * Vector::from(told.row(&self.x, &place, k, gain)) * root_weight;
+                Some(Influence { pixel: [sample.u as i32, sample.v as i32], whitened: root_weight * told.miss, moves_px: moves })
+            };
+            patch.samples[k].iter().filter_map(influence).collect()
+        });
+        centre_variance_px2(&planes, self.determined).sqrt()
+    }
 }
 
 /// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius, and again with the weights that each fit
@@ -117,12 +130,16 @@ pub(crate) struct Settled {
 pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, again: usize) -> Option<Ball> {
     let start = Start { centre_px: start_px, radius_px, chroma: patch.chroma };
     // The first only gives weights and a place to go on from: every other pixel, as on a chessboard, tells enough.
-    let mut fitted = start.settle(&patch.chessboard(), &Weights::default(), None, ROUGH_PX)?;
+    let mut weights = Weights::default();
+    let mut weighed = patch.chessboard();
+    let mut fitted = start.settle(&weighed, &weights, None, ROUGH_PX)?;
     for _ in 0..again {
-        let (patch, weights) = refined(patch, &fitted);
-        fitted = start.settle(&patch, &weights, Some(fitted.x), FINE_PX).unwrap_or(fitted);
+        let (patch, refined) = refined(patch, &fitted);
+        if let Some(better) = start.settle(&patch, &refined, Some(fitted.x), FINE_PX) {
+            (fitted, weighed, weights) = (better, patch, refined);
+        }
     }
-    let std_px = fitted.noise_px.hypot(RESPONSE_STD_PX);
+    let std_px = fitted.noise_px(&weighed, &weights).hypot(RESPONSE_STD_PX);
     Some(Ball { centre_px: fitted.x.fixed_rows::<2>(0).into(), std_px, radius_px: fitted.x[2] })
 }
 
@@ -146,9 +163,9 @@ impl Start {
 
         let mut x = from.unwrap_or(prior);
         for _ in 0..ITERATIONS {
-            let mut normal = Normal { matrix: [[0.0; SIZE]; SIZE], vector: [0.0; SIZE], squares: 0.0, count: 0.0 };
+            let mut normal = Normal { matrix: [[0.0; SIZE]; SIZE], vector: [0.0; SIZE] };
             dispatch!(*LEVEL, simd => add_all(simd, &mut normal, &x, patch, weights));
-            let (step, covariance, misfit) = normal.solve(&stiffness, &(prior - x))?;
+            let (step, covariance) = normal.solve(&stiffness, &(prior - x))?;
             let largest = step.fixed_rows::<3>(0).amax();
             x += step * (2.0 / largest).min(1.0);
             for blur in x.fixed_rows_mut::<2>(BLUR).iter_mut() {
@@ -159,8 +176,8 @@ impl Start {
                 return None;
             }
             if largest < smallest_px {
-                let noise_px = weights.correlation * (0.5 * misfit.max(1.0) * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
-                return Some(Settled { x, variance: covariance.diagonal(), noise_px });
+                let determined = SIZE as f64 - stiffness.dot(&covariance.diagonal());
+                return Some(Settled { x, covariance, determined });
             }
         }
         None
@@ -180,6 +197,37 @@ pub(crate) struct Told {
     slope: f64,
     t: f64,
     harmonics: [f64; 9],
+}
+
+impl Told {
+    /// Weight of the squared miss: the inverse of its expected square, less for outliers.
+    #[inline(always)]
+    fn weight(&self, sample: &Sample, weights: &Weights, k: usize) -> f64 {
+        let &Self { miss, share, contrast, bright, .. } = self;
+        let variance = weights.noise[k].powi(2)
+            + (1.0 - share).powi(2) * sample.texture
+            + (weights.edge[k] * 4.0 * share * (1.0 - share) * contrast).powi(2)
+            + (weights.inside[k] * share * bright).powi(2);
+        (weights.huber * variance.sqrt() / miss.abs().max(1e-9)).min(1.0) / variance
+    }
+
+    /// Derivatives of the colour told by the unknowns.
+    #[inline(always)]
+    fn row(&self, x: &Vector, place: &Place, k: usize, gain: f64) -> [f64; SIZE] {
+        let &Self { share, slope, t, ref harmonics, .. } = self;
+        let [stretched_x, stretched_y] = place.stretched;
+        let mut row = [0.0; SIZE];
+        row[0] = -slope * (stretched_x * (1.0 + x[3]) + stretched_y * x[4]) / place.from_centre;
+        row[1] = -slope * (stretched_x * x[4] + stretched_y * (1.0 - x[3])) / place.from_centre;
+        row[2] = -slope;
+        row[3] = slope * (stretched_x * place.dx - stretched_y * place.dy) / place.from_centre;
+        row[4] = slope * (stretched_x * place.dy + stretched_y * place.dx) / place.from_centre;
+        row[BLUR + k] = -slope * t;
+        for (entry, harmonic) in row[BRIGHTNESS..].iter_mut().zip(harmonics) {
+            *entry = gain * share * harmonic;
+        }
+        row
+    }
 }
 
 /// A pixel's place on the outline's own scale.
@@ -226,11 +274,11 @@ impl Place {
 }
 
 /// Residuals of all pixels that tell something of the ball.
-pub(crate) fn residuals<'p>(patch: &'p Patch, x: &'p Vector) -> impl Iterator<Item = Residual<'p>> {
+pub(crate) fn residuals(patch: &Patch, x: &Vector) -> impl Iterator<Item = Residual> {
     let [chroma, luma] = &patch.samples;
     chroma.iter().zip(luma).filter_map(|(chroma, luma)| {
         let place = Place::of(x, chroma);
-        Some(Residual { sample: chroma, told: [place.tell(x, chroma, CHROMA, 1.0)?, place.tell(x, luma, LUMA, patch.luma_per_chroma)?] })
+        Some(Residual { told: [place.tell(x, chroma, CHROMA, 1.0)?, place.tell(x, luma, LUMA, patch.luma_per_chroma)?] })
     })
 }
 
@@ -238,8 +286,6 @@ pub(crate) fn residuals<'p>(patch: &'p Patch, x: &'p Vector) -> impl Iterator<It
 struct Normal {
     matrix: [[f64; SIZE]; SIZE],
     vector: [f64; SIZE],
-    squares: f64,
-    count: f64,
 }
 
 #[inline(always)]
@@ -248,7 +294,7 @@ fn add_all<S: Simd>(_: S, normal: &mut Normal, x: &Vector, patch: &Patch, weight
         for sample in &patch.samples[k] {
             let place = Place::of(x, sample);
             if let Some(told) = place.tell(x, sample, k, gain) {
-                normal.add(x, sample, &place, &told, weights, k, gain);
+                normal.add(&told.row(x, &place, k, gain), told.weight(sample, weights, k), told.miss);
             }
         }
     }
@@ -256,41 +302,21 @@ fn add_all<S: Simd>(_: S, normal: &mut Normal, x: &Vector, patch: &Patch, weight
 
 impl Normal {
     #[inline(always)]
-    #[allow(clippy::too_many_arguments, reason = "the inner loop: what it needs is at hand in registers")]
-    fn add(&mut self, x: &Vector, sample: &Sample, place: &Place, told: &Told, weights: &Weights, k: usize, gain: f64) {
-        let &Told { miss, share, contrast, bright, slope, t, ref harmonics } = told;
-        let variance = weights.noise[k].powi(2)
-            + (1.0 - share).powi(2) * sample.texture
-            + (weights.edge[k] * 4.0 * share * (1.0 - share) * contrast).powi(2)
-            + (weights.inside[k] * share * bright).powi(2);
-        let [stretched_x, stretched_y] = place.stretched;
-        let mut row = [0.0; SIZE];
-        row[0] = -slope * (stretched_x * (1.0 + x[3]) + stretched_y * x[4]) / place.from_centre;
-        row[1] = -slope * (stretched_x * x[4] + stretched_y * (1.0 - x[3])) / place.from_centre;
-        row[2] = -slope;
-        row[3] = slope * (stretched_x * place.dx - stretched_y * place.dy) / place.from_centre;
-        row[4] = slope * (stretched_x * place.dy + stretched_y * place.dx) / place.from_centre;
-        row[BLUR + k] = -slope * t;
-        for (entry, harmonic) in row[BRIGHTNESS..].iter_mut().zip(harmonics) {
-            *entry = gain * share * harmonic;
-        }
-        let weight = (weights.huber * variance.sqrt() / miss.abs().max(1e-9)).min(1.0) / variance;
-        self.squares += weight * miss * miss;
-        self.count += 1.0;
+    fn add(&mut self, row: &[f64; SIZE], weight: f64, miss: f64) {
         for i in 0..SIZE {
             let weighted = weight * row[i];
             self.vector[i] += weighted * miss;
-            for (entry, value) in self.matrix[i].iter_mut().zip(&row) {
+            for (entry, value) in self.matrix[i].iter_mut().zip(row) {
                 *entry += weighted * value;
             }
         }
     }
 
-    /// The step, the covariance and the mean squared residual, where a prior of this stiffness is so far away.
-    fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Matrix, f64)> {
+    /// The step and the covariance, where a prior of this stiffness is so far away.
+    fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Matrix)> {
         let matrix = Matrix::from_fn(|i, j| self.matrix[i][j]) + Matrix::from_diagonal(stiffness);
         let covariance = matrix.cholesky()?.inverse();
         let step = covariance * (Vector::from(self.vector) + stiffness.component_mul(to_prior));
-        step.iter().all(|v| v.is_finite()).then_some((step, covariance, self.squares / self.count))
+        step.iter().all(|v| v.is_finite()).then_some((step, covariance))
     }
 }

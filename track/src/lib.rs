@@ -7,6 +7,7 @@ pub mod batches;
 pub mod bits;
 pub mod centre;
 pub mod colour;
+mod correlated;
 pub mod interpolate;
 pub mod lock;
 pub mod look;

@@ -7,11 +7,10 @@
 //! |---|---|
 //! | residuals away from the edge | noise of chroma, of luma, and what they have in common |
 //! | the same at the edge and inside, beyond the noise | what the model misses, over contrast and brightness |
-//! | products of neighbours' residuals | the factor on the standard deviation |
 //! | the coefficients of brightness over their own deviations | how much shade to allow for: none where none is seen |
 
 use crate::centre::{BRIGHTNESS, Settled, Told, Weights, residuals};
-use crate::patch::{Patch, Sample};
+use crate::patch::Patch;
 
 /// Least noise: what rounding to whole grey levels leaves.
 const ROUNDING: f64 = 0.289;
@@ -21,12 +20,11 @@ const AWAY: f64 = 0.02;
 const HUBER: f64 = 2.5;
 
 /// One pixel's residuals, chroma and luma.
-pub(crate) struct Residual<'p> {
-    pub(crate) sample: &'p Sample,
+pub(crate) struct Residual {
     pub(crate) told: [Told; 2],
 }
 
-impl Residual<'_> {
+impl Residual {
     fn is_away(&self) -> bool {
         let share = self.told[0].share;
         share.min(1.0 - share) < AWAY
@@ -35,17 +33,17 @@ impl Residual<'_> {
 
 /// The patch with luma freed of what it has in common with chroma, and the weights.
 pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
-    let all: Vec<Residual<'_>> = residuals(patch, &first.x).collect();
-    let common = |of: fn(&Residual<'_>) -> f64| robust_mean(all.iter().filter(|r| r.is_away()).map(of));
+    let all: Vec<Residual> = residuals(patch, &first.x).collect();
+    let common = |of: fn(&Residual) -> f64| robust_mean(all.iter().filter(|r| r.is_away()).map(of));
     let chroma2 = common(|r| r.told[0].miss.powi(2)).max(ROUNDING * ROUNDING);
     let slope = common(|r| r.told[0].miss * r.told[1].miss) / chroma2;
     let patch = patch.without_common(slope);
-    let all: Vec<Residual<'_>> = residuals(&patch, &first.x).collect();
-    let mut weights = Weights { huber: HUBER, correlation: correlation(&all), ..Weights::default() };
+    let all: Vec<Residual> = residuals(&patch, &first.x).collect();
+    let mut weights = Weights { huber: HUBER, ..Weights::default() };
     for k in 0..2 {
         let square = |told: &Told| told.miss * told.miss;
         let noise2 = robust_mean(all.iter().filter(|r| r.is_away()).map(|r| square(&r.told[k]))).max(ROUNDING * ROUNDING);
-        let beyond = |wanted: fn(&Residual<'_>) -> bool, scale: fn(&Told) -> f64| {
+        let beyond = |wanted: fn(&Residual) -> bool, scale: fn(&Told) -> f64| {
             let there = || all.iter().filter(|r| wanted(r));
             let excess = robust_mean(there().map(|r| square(&r.told[k]))) - noise2;
             let scale2 = there().map(|r| scale(&r.told[k]).powi(2)).sum::<f64>() / there().count().max(1) as f64;
@@ -70,35 +68,14 @@ fn robust_mean(values: impl Iterator<Item = f64>) -> f64 {
     if count > 0.0 { sum / count } else { 0.0 }
 }
 
-/// How far the mean of residuals scatters more than that of independent ones, from the correlation of neighbours in a row and in a column.
-fn correlation(all: &[Residual<'_>]) -> f64 {
-    let range = |of: fn(&Sample) -> f64| all.iter().map(|r| of(r.sample)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
-    let ((left, right), (top, bottom)) = (range(|s| s.u), range(|s| s.v));
-    if all.is_empty() {
-        return 1.0;
-    }
-    let width = (right - left) as usize + 1;
-    let index = |r: &Residual<'_>| (r.sample.v - top) as usize * width + (r.sample.u - left) as usize;
-    let mut misses = vec![f64::NAN; width * ((bottom - top) as usize + 1)];
-    for r in all {
-        misses[index(r)] = r.told[0].miss;
-    }
-    let along = |step: usize| {
-        let pairs = misses.iter().zip(misses.iter().skip(step)).filter(|(a, b)| a.is_finite() && b.is_finite());
-        let (product, square) = pairs.fold((0.0, 1e-12), |(p, s), (a, b)| (p + a * b, s + 0.5 * (a * a + b * b)));
-        let rho: f64 = (product / square).clamp(0.0, 0.8);
-        (1.0 + rho) / (1.0 - rho)
-    };
-    (along(1) * along(width)).sqrt()
-}
-
 /// Standard deviations of the coefficients of brightness of order 1 and 2 over the mean: what is left of their squares beyond their variance.
 fn shade(first: &Settled) -> [f64; 2] {
     let mean = first.x[BRIGHTNESS].abs().max(1e-9);
+    let variance = first.variance();
     let of = |range: std::ops::Range<usize>| {
         let count = range.len() as f64;
         let squares: f64 = range.clone().map(|i| first.x[i].powi(2)).sum::<f64>() / count;
-        let own: f64 = range.map(|i| first.variance[i]).sum::<f64>() / count;
+        let own: f64 = range.map(|i| variance[i]).sum::<f64>() / count;
         // Below twice their own variance they may be nothing but noise.
         (if squares > 2.0 * own { squares - own } else { 0.02 * own }).sqrt() / mean
     };

@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Matrix2, Matrix3, Matrix3x4, Matrix4, Point3, Vector3}
 use raven::camera::{Cameras, StereoPoint};
 use raven::log::{Stamp, TipObservation, TipStatus};
 
+use crate::centre::RESPONSE_STD_PX;
 use crate::interpolate::Interpolated;
 use crate::stereo::StereoTrack;
 use crate::tracker::{CALIBRATION_STD_PX, EPIPOLAR_CHI2, Record, Sighting};
@@ -63,16 +64,12 @@ pub fn tips(cameras: &Cameras, base_from_left: &Isometry3<f64>, frame_id: &str, 
     Tips { tips, right_minus_left_s: right_minus_left_s(left, right), jitter_s: stereo.jitter_s() }
 }
 
-/// What light and lens do to both centres alike, one sigma per axis [px]: both cameras see the ball from one side, lit from one side, so
-/// that what the fit of [`crate::centre`] misses of its shade moves both the same way. The size is what the fit allows for a camera's
-/// unknown response.
-const ALIKE_STD_PX: f64 = 0.05;
 /// Step of the difference quotients [px].
 const STEP_PX: f64 = 0.01;
 
 /// The point that both cameras see; `None` where their rays do not meet, the calibration's error allowed for.
 ///
-/// Its covariance is that of both pixels, of which a part is alike (`ALIKE_STD_PX`): it moves the point sideways, and not in depth.
+/// Its covariance is that of both pixels, of which a part is alike ([`RESPONSE_STD_PX`]): it moves the point sideways, and not in depth.
 #[must_use]
 pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<StereoPoint> {
     let pixels = seen.map(|s| s.pixel);
@@ -96,7 +93,7 @@ pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<Stereo
     of_pixels.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariances[0]);
     of_pixels.fixed_view_mut::<2, 2>(2, 2).copy_from(&covariances[1]);
     for axis in 0..2 {
-        let alike = covariances.iter().map(|c| c[(axis, axis)]).fold(ALIKE_STD_PX * ALIKE_STD_PX, f64::min);
+        let alike = covariances.iter().map(|c| c[(axis, axis)]).fold(RESPONSE_STD_PX * RESPONSE_STD_PX, f64::min);
         of_pixels[(axis, axis + 2)] = alike;
         of_pixels[(axis + 2, axis)] = alike;
     }

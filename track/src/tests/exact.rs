@@ -75,13 +75,16 @@ impl Drawn {
         image
     }
 
-    /// The image with noise, in 8 bits.
-    pub fn photograph(&self, noise: f64, rng: &mut ChaCha8Rng) -> RgbImage {
-        let light = self.render();
+    /// The image with noise, in 8 bits, by a camera whose grey levels follow the light to the power `1 / gamma`; colours are grey levels in
+    /// full light.
+    pub fn photograph(&self, gamma: f64, noise: f64, rng: &mut ChaCha8Rng) -> RgbImage {
+        let response = |v: f64, power: f64| 255.0 * (v / 255.0).max(0.0).powf(power);
+        let to_light = |colour: Vector3<f64>| colour.map(|v| response(v, gamma));
+        let light = Self { colour: to_light(self.colour), background: to_light(self.background), ..*self }.render();
         let mut normal = || -> f64 { StandardNormal.sample(rng) };
         RgbImage::from_fn(SIDE as u32, SIDE as u32, |x, y| {
             let level = light[y as usize * SIDE + x as usize];
-            Rgb(level.map(|v| (v + noise * normal()).round().clamp(0.0, 255.0) as u8).into())
+            Rgb(level.map(|v| (response(v, 1.0 / gamma) + noise * normal()).round().clamp(0.0, 255.0) as u8).into())
         })
     }
 

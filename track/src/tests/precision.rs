@@ -9,6 +9,7 @@ use raven::log::{CameraFrame, FrameData, Side, Stamp};
 use rayon::prelude::*;
 
 use super::exact::{Drawn, SIDE};
+use crate::centre::RESPONSE_STD_PX;
 use crate::colour::MarkerColour;
 use crate::marker::{Blobs, Centre};
 
@@ -20,7 +21,7 @@ fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) ->
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let shift = Vector2::new(rng.random_range(-8.0..8.0), rng.random_range(-8.0..8.0));
         let here = Drawn { centre: drawn.centre + shift, ..drawn };
-        let image = sent(here.photograph(noise, &mut rng));
+        let image = sent(here.photograph(1.0, noise, &mut rng));
         let blobs = Blobs::find(&image, None, &MarkerColour::default());
         kinds.iter().map(|kind| (blobs.centre(&blobs.found[0], *kind).centre_px - here.centre).norm_squared()).collect::<Vec<f64>>()
     };
@@ -95,4 +96,53 @@ fn compressed_frames_cost_little() {
         }
     }
     assert!(beyond.is_empty(), "{beyond:#?}");
+}
+
+const LIGHTS: [Vector3<f64>; 3] = [Vector3::new(0.0, 0.0, 0.0), Vector3::new(-0.2, -0.5, -0.4), Vector3::new(0.4, -0.1, -0.2)];
+
+/// Mean squared error over the variance `of` a centre, over lights, sizes and ways of sending.
+fn square_over_variance(lights: &[Vector3<f64>], gamma: f64, of: impl Fn(f64) -> f64 + Sync) -> f64 {
+    let trials = 20;
+    let mut cases = Vec::new();
+    for &light in lights {
+        for sampling in [None, Some(SamplingFactor::F_2_1), Some(SamplingFactor::F_2_2)] {
+            cases.extend([6.0, 9.0, 12.0].map(|radius_px| (Drawn { light, ..Drawn::disc(radius_px) }, sampling)));
+        }
+    }
+    let one = |&(drawn, sampling): &(Drawn, Option<SamplingFactor>)| {
+        let (mut ratio, mut mean_px) = (0.0, Vector2::zeros());
+        for seed in 0..trials {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let shift = Vector2::new(rng.random_range(-8.0..8.0), rng.random_range(-8.0..8.0));
+            let here = Drawn { centre: drawn.centre + shift, ..drawn };
+            let image = here.photograph(gamma, 3.0, &mut rng);
+            let image = sampling.map_or(image.clone(), |sampling| compressed(&image, 85, sampling));
+            let blobs = Blobs::find(&image, None, &MarkerColour::default());
+            let ball = blobs.centre(&blobs.found[0], Centre::Ball);
+            let off_px = ball.centre_px - here.centre;
+            ratio += off_px.norm_squared() / (2.0 * of(ball.std_px)) / trials as f64;
+            mean_px += off_px / trials as f64;
+        }
+        let [x, y, z] = drawn.light.into();
+        eprintln!(
+            "gamma {gamma}, light {x:.1} {y:.1} {z:.1}, {sampling:?}, radius {} px: mean {:.3} {:.3} px, squares {ratio:.2} of the variance",
+            drawn.radius_px, mean_px.x, mean_px.y
+        );
+        ratio
+    };
+    let ratios: Vec<f64> = cases.par_iter().map(one).collect();
+    ratios.iter().sum::<f64>() / ratios.len() as f64
+}
+
+#[test]
+fn centres_scatter_as_they_claim_raw_and_compressed() {
+    let without_response = |std_px: f64| std_px.powi(2) - RESPONSE_STD_PX.powi(2);
+    let ratio = square_over_variance(&LIGHTS, 1.0, without_response);
+    assert!((0.6..1.4).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn a_cameras_response_moves_balls_that_are_lit_from_one_side_as_claimed() {
+    let ratio = square_over_variance(&LIGHTS[1..], 2.2, |std_px| std_px.powi(2));
+    assert!((0.6..1.4).contains(&ratio), "{ratio}");
 }
