@@ -1,6 +1,7 @@
 //! The loop is closed: an effect that a lab hides makes a gap, and the gap goes once the effect is in the robot file.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use raven::cli::Outcome;
 use raven::log::Recording;
@@ -20,36 +21,62 @@ fn json(folder: &Path, name: &str) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(folder.join(name)).unwrap()).unwrap()
 }
 
-/// Mean square of what is between a recording and a robot file, at the tip for `raven-diagnose` [mm^2] and at a joint against its encoder
-/// for `raven-replay`'s transmission kinematics [deg^2, mm^2].
-fn gaps(folder: &Path, log: &str, robot: &str, joint: usize) -> [f64; 2] {
-    step(folder, "raven-diagnose", chain::diagnose, &format!("{{{log}}} --robot {{{robot}}} --gap-only --json {{gap.json}}"));
-    step(folder, "raven-replay", chain::replay, &format!("{{{log}}} --robot {{{robot}}} --json {{replay.json}}"));
-    let gap = json(folder, "gap.json");
-    let tip = gap["model_gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "tip").unwrap()["model"].as_f64().unwrap();
-    let kinematic = json(folder, "replay.json")["joints"][joint]["rms_kinematic_identified"].as_f64().unwrap();
-    [tip * tip, kinematic * kinematic]
+/// What is between a recording and a robot file as a mean square.
+struct Gaps {
+    /// At the tip, for `raven-diagnose` [mm^2].
+    tip: f64,
+    /// At each joint against its encoder, for `raven-replay`'s transmission kinematics [deg^2, mm^2].
+    kinematic: [f64; 3],
 }
 
-/// Hides `hidden` in a lab, puts `added` into the robot file, and gives the part of the excess gap that is left, of the two [`gaps`].
-fn left_over(hidden: &str, added: &str, joint: usize) -> [f64; 2] {
+impl Gaps {
+    fn between(folder: &Path, log: &str, robot: &str) -> Self {
+        step(folder, "raven-diagnose", chain::diagnose, &format!("{{{log}}} --robot {{{robot}}} --gap-only --json {{gap.json}}"));
+        step(folder, "raven-replay", chain::replay, &format!("{{{log}}} --robot {{{robot}}} --json {{replay.json}}"));
+        let (gap, replay) = (json(folder, "gap.json"), json(folder, "replay.json"));
+        let tip = gap["model_gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "tip").unwrap()["model"].as_f64().unwrap();
+        let kinematic = |joint: usize| replay["joints"][joint]["rms_kinematic_identified"].as_f64().unwrap().powi(2);
+        Self { tip: tip * tip, kinematic: std::array::from_fn(kinematic) }
+    }
+
+    fn of_joint(&self, joint: usize) -> [f64; 2] {
+        [self.tip, self.kinematic[joint]]
+    }
+}
+
+/// Records the robot of a file in the lab, which may hide an effect.
+fn simulate(folder: &Path, robot: &str, effect: &str, log: &str) {
+    let arguments = format!("simulate --robot {{{robot}}} --motion rich --duration 40 {effect} -o {{{log}}}");
+    step(folder, "raven-capture", chain::capture, &arguments);
+}
+
+/// A folder with the robot's file.
+fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
+    nominal::gold().write(&folder.path().join("robot.yaml")).unwrap();
+    folder
+}
+
+/// The gaps of a lab that hides nothing, the same for every effect.
+static NOTHING_HIDDEN: LazyLock<Gaps> = LazyLock::new(|| {
+    let folder = folder();
+    simulate(folder.path(), "robot.yaml", "", "log.mcap");
+    Gaps::between(folder.path(), "log.mcap", "robot.yaml")
+});
+
+/// Hides `hidden` in a lab, puts `added` into the robot file, and gives the part of the excess gap that is left, of the two [`Gaps`].
+fn left_over(hidden: &str, added: &str, joint: usize) -> [f64; 2] {
+    let folder = folder();
     let at = folder.path();
-    nominal::gold().write(&at.join("robot.yaml")).unwrap();
-    let simulate = |robot: &str, effect: &str, log: &str| {
-        let arguments = format!("simulate --robot {{{robot}}} --motion rich --duration 40 {effect} -o {{{log}}}");
-        step(at, "raven-capture", chain::capture, &arguments);
-    };
-    simulate("robot.yaml", "", "null.mcap");
-    simulate("robot.yaml", &format!("--effect {hidden}"), "log.mcap");
+    simulate(at, "robot.yaml", &format!("--effect {hidden}"), "log.mcap");
     step(at, "raven-identify", chain::identify, &format!("--add-effect {added} --robot {{robot.yaml}} -o {{new.yaml}}"));
-    let [null, before, after] =
-        [("null.mcap", "robot.yaml"), ("log.mcap", "robot.yaml"), ("log.mcap", "new.yaml")].map(|(log, robot)| gaps(at, log, robot, joint));
+    let null = NOTHING_HIDDEN.of_joint(joint);
+    let [before, after] = ["robot.yaml", "new.yaml"].map(|robot| Gaps::between(at, "log.mcap", robot).of_joint(joint));
 
     // The user's own simulation now shows what the recording shows.
     let listed = Robot::read(&at.join("new.yaml")).unwrap();
     if !listed.effects.is_empty() {
-        simulate("new.yaml", "", "own.mcap");
+        simulate(at, "new.yaml", "", "own.mcap");
         let tips = |log: &str| Recording::read(&at.join(log), &(&listed).into()).unwrap().tip;
         let (recorded, own) = (tips("log.mcap"), tips("own.mcap"));
         assert_eq!(recorded.len(), own.len());
@@ -97,9 +124,8 @@ fn a_drifting_clock_goes_once_it_is_in_the_file() {
 
 #[test]
 fn replay_says_what_it_leaves_out() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let at = folder.path();
-    nominal::gold().write(&at.join("robot.yaml")).unwrap();
     step(at, "raven-identify", chain::identify, "--add-effect stereo-desync=0.01 --robot {robot.yaml} -o {new.yaml}");
     step(at, "raven-capture", chain::capture, "simulate --motion rich --duration 5 -o {log.mcap}");
     let typed = ["raven-replay", "{log.mcap} --robot {new.yaml} --json {replay.json}"];

@@ -1,7 +1,5 @@
 //! The recursive methods on robots whose numbers are known.
 
-mod virtual_robot;
-
 use nalgebra::{DVector, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +7,8 @@ use rand_distr::{Distribution, StandardNormal};
 use raven_identify::batch::Estimate;
 use raven_identify::problem::Problem;
 use raven_identify::recursive::{self, Horizon, Sharing, Trace};
-use virtual_robot::{Case, MIDDLE, WIDE, motion, session};
+
+use super::virtual_robot::{Case, MIDDLE, WIDE, motion, session};
 
 const DUAL: Sharing = Sharing::Dual(Horizon::Frame);
 

@@ -1,7 +1,5 @@
 //! Robots whose numbers are known: what is found, how well it claims to be known, and what is left alone.
 
-mod virtual_robot;
-
 use nalgebra::{DVector, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -14,7 +12,8 @@ use raven_identify::prediction::Predictor;
 use raven_identify::priors;
 use raven_identify::problem::Problem;
 use raven_identify::session::Session;
-use virtual_robot::{Case, MIDDLE, WIDE, motion, session};
+
+use super::virtual_robot::{Case, MIDDLE, WIDE, motion, session};
 
 #[test]
 fn the_papers_pulley_is_found_beside_a_late_and_turned_camera() {

@@ -1,0 +1,12 @@
+//! Tests of the program and of its methods: one binary, so that the long ones share the processors and all is linked once.
+
+mod acceptance;
+mod added;
+mod cli;
+mod damping;
+mod excite;
+mod export;
+mod recordings;
+mod recursive;
+mod simulated;
+mod virtual_robot;
