@@ -63,8 +63,7 @@ pub fn desync(cameras: &Cameras, seen: &[Seen]) -> Option<Desync> {
         inverse = (design.tr_mul(&weighed) + &prior + DMatrix::identity(5, 5) * 1e-9).cholesky()?.inverse();
         found = &inverse * weighed.tr_mul(&target);
         residual = &target - &design * &found;
-        let sizes: Vec<f64> = residual.iter().map(|r| r.abs()).collect();
-        let scale = (1.4826 * raven::stats::median(&sizes)?).max(1.0);
+        let scale = raven::stats::robust_std(residual.as_slice())?.max(1.0);
         weight = residual.map(|r| (HUBER * scale / r.abs()).min(1.0));
     }
     let mut scatter = DMatrix::zeros(5, 5);

@@ -7,7 +7,7 @@
 use image::RgbImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use raven::camera::{Cameras, Pinhole};
-use raven::stats::median;
+use raven::stats::{median, robust_std};
 use raven_track::centre::Ball;
 use raven_track::look::Marker;
 use raven_track::marker::Blobs;
@@ -122,9 +122,8 @@ fn candidate(cameras: &Cameras, marker: &Marker, left: &Disc, right: &Disc) -> O
 fn robust_mean(points: &[Vector3<f64>]) -> Option<Place> {
     let axis = |i: usize| points.iter().map(|p| p[i]).collect::<Vec<f64>>();
     let middle = Vector3::new(median(&axis(0))?, median(&axis(1))?, median(&axis(2))?);
-    let spread = |i: usize| median(&axis(i).iter().map(|v| (v - middle[i]).abs()).collect::<Vec<f64>>());
-    // A normal deviate is 1.4826 times its median absolute deviation.
-    let sigma = Vector3::new(spread(0)?, spread(1)?, spread(2)?) * 1.4826;
+    let spread = |i: usize| robust_std(&axis(i).iter().map(|v| v - middle[i]).collect::<Vec<f64>>());
+    let sigma = Vector3::new(spread(0)?, spread(1)?, spread(2)?);
     let near: Vec<&Vector3<f64>> = points.iter().filter(|p| (0..3).all(|i| (p[i] - middle[i]).abs() <= 3.0 * sigma[i] + 1e-9)).collect();
     let count = near.len() as f64;
     let mean = near.iter().copied().sum::<Vector3<f64>>() / count;

@@ -21,6 +21,14 @@ pub fn median(values: &[f64]) -> Option<f64> {
     }
 }
 
+/// Standard deviation of a normal distribution by the median size of deviations from its middle, which outliers hardly move (Hampel 1974);
+/// `None` of nothing.
+#[must_use]
+pub fn robust_std(deviations: &[f64]) -> Option<f64> {
+    let sizes: Vec<f64> = deviations.iter().map(|d| d.abs()).collect();
+    median(&sizes).map(|size| 1.4826 * size)
+}
+
 /// Quantiles at `parts` of the finite ones among `values`, interpolated between order statistics; `None` if there are none.
 #[must_use]
 pub fn quantiles<const N: usize>(values: &[f64], parts: [f64; N]) -> Option<[f64; N]> {
@@ -124,6 +132,12 @@ mod tests {
     use approx::assert_relative_eq;
 
     use super::*;
+
+    #[test]
+    fn half_of_a_normal_distribution_is_within_0_6745_of_its_standard_deviations() {
+        assert_relative_eq!(robust_std(&[-0.674_49, 0.1, -0.3, 0.9, 500.0]).unwrap(), 1.0, epsilon = 1e-4);
+        assert_eq!(robust_std(&[]), None);
+    }
 
     #[test]
     fn students_sleep_data() {

@@ -11,7 +11,7 @@
 //! recursion (1965): a steady camera's frames are known to a seventh of the stamps' scatter, while one whose interval truly varies (`q` large)
 //! keeps its stamps. At 50 mm/s and 0.35 m a scatter of 1 ms is 0.1 px, as much as the marker's centre is uncertain by.
 
-use raven::stats::median;
+use raven::stats::{median, robust_std};
 
 /// When the frames of one camera were taken.
 #[derive(Debug, Clone, PartialEq)]
@@ -158,9 +158,8 @@ fn step_scatter(stamps_s: &[f64], m: usize) -> Option<f64> {
     let steps: Vec<f64> = stamps_s.windows(m + 1).map(|w| w[m] - w[0]).collect();
     // The usual step over m frames; those with a missing frame in them are longer by whole intervals.
     let usual = median(&steps)?;
-    let off: Vec<f64> = steps.iter().map(|step| (step - usual - interval * ((step - usual) / interval).round()).abs()).collect();
-    // Median absolute deviation to standard deviation of a normal distribution.
-    median(&off).map(|mad| 1.4826 * mad)
+    let off: Vec<f64> = steps.iter().map(|step| step - usual - interval * ((step - usual) / interval).round()).collect();
+    robust_std(&off)
 }
 
 #[cfg(test)]
