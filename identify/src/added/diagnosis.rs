@@ -83,7 +83,7 @@ impl Diagnosis {
         let measure = sited.measure;
         let both = |parameter: &raven::effects::Parameter| {
             let wrong = |message: String| Error::file(&self.path, format!("effects, {}: {message}", blamed.name()));
-            match (blamed.parameters.iter().find(|estimate| estimate.name == parameter.name), parameter.usual()) {
+            match (blamed.parameters.iter().find(|estimate| estimate.name == parameter.name), parameter.usual(measure)) {
                 (Some(estimate), _) => {
                     let expected = parameter.unit_at(measure);
                     let unit = estimate.unit.as_deref().unwrap_or(expected);
@@ -102,7 +102,7 @@ impl Diagnosis {
 
 impl Blamed {
     fn name(&self) -> String {
-        self.joint.as_ref().map_or_else(|| self.id.clone(), |joint| format!("{}:{joint}", self.id))
+        raven::effects::at_place(&self.id, self.joint.as_deref())
     }
 }
 

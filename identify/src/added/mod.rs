@@ -111,7 +111,7 @@ fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robo
 
 /// `ID` or `ID:JOINT`.
 fn name(sited: &Sited, robot: &Robot) -> String {
-    sited.joint(robot).map_or_else(|| sited.effect.id.to_owned(), |joint| format!("{}:{joint}", sited.effect.id))
+    raven::effects::at_place(sited.effect.id, sited.joint(robot).as_deref())
 }
 
 fn table(changes: &[Change], listed: &[raven::robot::ListedEffect]) -> String {

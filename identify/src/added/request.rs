@@ -51,7 +51,7 @@ impl Request {
         let parameters = sited.effect.parameters;
         let mut values = typed.clone();
         // Shapes and second factors may be left off.
-        values.extend(parameters.iter().skip(typed.len().max(1)).map_while(raven::effects::Parameter::usual));
+        values.extend(parameters.iter().skip(typed.len().max(1)).map_while(|p| p.usual(sited.measure)));
         if values.len() != parameters.len() {
             let measure = sited.measure;
             let names: Vec<String> = parameters.iter().map(|p| format!("{} [{}]", p.name, p.unit_at(measure))).collect();

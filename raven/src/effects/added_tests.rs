@@ -89,8 +89,8 @@ fn a_file_with_an_effect_predicts_what_the_model_with_it_does() {
         }
     }
     assert_eq!(refused, ["stereo-scale", "lens-distortion"]);
-    // The insertion's cable carries less than that slip needs here, and its motor is faster than that friction lasts.
-    assert_eq!(idle, ["cable-slip Some(\"insertion\")", "stribeck-friction Some(\"insertion\")"]);
+    // The insertion's motor is faster than that friction lasts.
+    assert_eq!(idle, ["stribeck-friction Some(\"insertion\")"]);
 }
 
 /// Whoever follows recorded motors through the arm alone sees what the model sees.

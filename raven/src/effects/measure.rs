@@ -1,7 +1,10 @@
 //! What the sizes of the library are measured in at one place.
 //!
 //! The library states sizes of forces, speeds and capstans as a Raven has them. A bench may be a thousand times as strong, and its motor may
-//! be a slide: what it did in the recordings tells by how much its sizes are larger.
+//! be a slide: what it did in the recordings tells by how much its sizes are larger. What happens in a cable is measured in the load that it
+//! bears and in its stretch under it: those of one arm's joints differ by a factor of ten.
+
+use nalgebra::Vector3;
 
 use crate::robot::{JointType, KinematicsKind, Robot};
 
@@ -14,6 +17,38 @@ const JOINT_FORCE: f64 = 1.0;
 const JOINT_RATE: f64 = 0.3;
 /// Radius of its capstans [m].
 const CAPSTAN_M: f64 = 5.675e-3;
+/// Force of a cable under gravity [N], and stretch under it [m].
+const CABLE: Load = Load { force_n: 10.0, stretch_m: 2e-4 };
+
+/// What a cable bears.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Load {
+    /// Difference of its two sides [N].
+    force_n: f64,
+    /// Stretch [m].
+    stretch_m: f64,
+}
+
+impl Load {
+    /// Of the cable of joint `j` under gravity: rms over poses in the middle of the joints' ranges. A Raven's where a file does not say.
+    fn of_arm(robot: &Robot, j: usize) -> Self {
+        // Listed effects have sizes themselves, and gravity does not depend on them.
+        let mut bare = robot.clone();
+        bare.effects.clear();
+        let Ok(arm) = bare.arm() else { return CABLE };
+        let part = |k: usize, axis: usize| if k >> axis & 1 == 1 { 0.75 } else { 0.25 };
+        let pose = |k: usize| Vector3::from_fn(|i, _| arm.limits[i][0] + part(k, i) * (arm.limits[i][1] - arm.limits[i][0]));
+        let force = |k: usize| arm.transmission.tension_n(&arm.dynamics.bias(&pose(k), &Vector3::zeros()))[j];
+        let forces: Vec<f64> = (0..8).map(force).collect();
+        crate::stats::rms(&forces).map_or(CABLE, |force_n| Self::of_cable(robot, j, force_n))
+    }
+
+    fn of_cable(robot: &Robot, j: usize, force_n: f64) -> Self {
+        let stretch_m = robot.joints.get(j).and_then(|joint| joint.cable).map_or(f64::INFINITY, |cable| 0.5 * force_n / cable.stiffness);
+        let usable = |value: f64, typical: f64| if value.is_finite() && value > 0.0 { value } else { typical };
+        Self { force_n: usable(force_n, CABLE.force_n), stretch_m: usable(stretch_m, CABLE.stretch_m) }
+    }
+}
 
 /// What sizes are measured in.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,13 +63,20 @@ pub struct Measure {
     rates: [f64; 2],
     /// Radius of the capstan.
     capstan: f64,
+    cable: Load,
 }
 
 impl Measure {
     /// Of a Raven.
     #[must_use]
     pub const fn raven(joint: JointType) -> Self {
-        Self { joint, motor: JointType::Revolute, forces: [1.0; 3], rates: [1.0; 2], capstan: 1.0 }
+        Self { joint, motor: JointType::Revolute, forces: [1.0; 3], rates: [1.0; 2], capstan: 1.0, cable: CABLE }
+    }
+
+    /// Of joint `j` of a robot whose joint-side numbers are of some kind; a Raven's own sizes hold for all but its cables.
+    #[must_use]
+    pub fn of_arm(robot: &Robot, j: usize, joint: JointType) -> Self {
+        Self { cable: Load::of_arm(robot, j), ..Self::raven(joint) }
     }
 
     /// Of joint `j` of a robot whose drive delivered `torque_rms` after the gear box [N m, or N of a slide] at `rate_rms` of its motor
@@ -43,7 +85,7 @@ impl Measure {
     pub fn of(robot: &Robot, j: usize, torque_rms: f64, rate_rms: f64) -> Self {
         let Some(joint) = robot.joints.get(j) else { return Self::raven(JointType::Revolute) };
         if matches!(robot.kinematics, KinematicsKind::Raven(_)) {
-            return Self::raven(joint.kind);
+            return Self::of_arm(robot, j, joint.kind);
         }
         // Without torque, or without motion, nothing that is measured in it can show.
         let positive = |value: f64| if value > 0.0 { value } else { 1.0 };
@@ -55,6 +97,7 @@ impl Measure {
             forces: [torque_rms / joint.gear_ratio / SHAFT_NM, torque_rms / DRIVE_NM, joint_force / JOINT_FORCE].map(positive),
             rates: [rate_rms / MOTOR_RAD_S, rate_rms / joint.ratio() / JOINT_RATE].map(positive),
             capstan: joint.motor_capstan_radius / CAPSTAN_M,
+            cable: Load::of_cable(robot, j, torque_rms / joint.motor_capstan_radius),
         }
     }
 
@@ -79,7 +122,8 @@ impl Measure {
             "joint force" => joint,
             "joint viscosity" => joint / joint_rate,
             "joint compliance" => 1.0 / joint,
-            "cable force" => joint,
+            "cable load" => self.cable.force_n,
+            "cable stretch" => self.cable.stretch_m,
             "capstan length" => self.capstan,
             _ => 1.0,
         }
@@ -91,7 +135,7 @@ impl Measure {
         let turns = |kind: JointType| kind == JointType::Revolute;
         match (unit, turns(self.motor), turns(self.joint)) {
             ("shaft torque" | "drive torque", true, _) | ("joint force", _, true) => "N m",
-            ("shaft torque" | "drive torque", false, _) | ("joint force", _, false) | ("cable force", ..) => "N",
+            ("shaft torque" | "drive torque", false, _) | ("joint force", _, false) | ("cable load", ..) => "N",
             ("shaft viscosity", true, _) | ("joint viscosity", _, true) => "N m s",
             ("shaft viscosity", false, _) | ("joint viscosity", _, false) => "N s/m",
             ("shaft inertia", true, _) => "kg m^2",
@@ -103,7 +147,7 @@ impl Measure {
             ("joint/rad", _, true) => "rad/rad",
             ("joint/rad", _, false) => "m/rad",
             ("joint", _, true) => "rad",
-            ("joint", _, false) | ("capstan length", ..) => "m",
+            ("joint", _, false) | ("capstan length" | "cable stretch", ..) => "m",
             _ => unit,
         }
     }

@@ -33,6 +33,12 @@ use std::collections::BTreeSet;
 use crate::robot::{JointType, KinematicsKind, Robot};
 use crate::{Error, Result};
 
+/// An effect at its place as commands take it: `pulley-radius:shoulder`, `time-offset`.
+#[must_use]
+pub fn at_place(id: &str, joint: Option<&str>) -> String {
+    joint.map_or_else(|| id.to_owned(), |joint| format!("{id}:{joint}"))
+}
+
 /// What an effect belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
@@ -183,7 +189,7 @@ impl Sited {
     fn new(effect: &'static Effect, place: Place, robot: &Robot) -> Self {
         let amount = AMOUNTS.iter().find(|amount| amount.effect.id == effect.id && (amount.nominal)(robot, place) == 0.0);
         let sited = Self { effect: amount.map_or(effect, |amount| &amount.effect), place, measure: Measure::raven(JointType::Revolute) };
-        Self { measure: Measure::raven(sited.joint_type(robot)), ..sited }
+        Self { measure: Measure::of_arm(robot, sited.joint_measured(), sited.joint_type(robot)), ..sited }
     }
 
     /// The joint whose sizes it has; the first for the whole.
@@ -193,6 +199,16 @@ impl Sited {
             Scope::Pair => self.place.second,
             Scope::Joint => self.place.first,
             Scope::LinkAngle | Scope::Robot | Scope::Rig => 0,
+        }
+    }
+
+    /// Whether both show in one joint, or either in the whole robot or its cameras: only such effects can stand in for one another.
+    #[must_use]
+    pub fn shows_where(&self, other: &Self) -> bool {
+        let joint = |sited: &Self| matches!(sited.effect.scope, Scope::Joint | Scope::Pair).then(|| sited.joint_measured());
+        match (joint(self), joint(other)) {
+            (Some(one), Some(other)) => one == other,
+            _ => true,
         }
     }
 

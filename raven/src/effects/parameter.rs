@@ -163,12 +163,12 @@ impl Parameter {
 
     /// The value that a shape or a second factor has where nothing is said of it; nothing where it must be said.
     #[must_use]
-    pub fn usual(&self) -> Option<f64> {
+    pub fn usual(&self, measure: Measure) -> Option<f64> {
         match self.scale {
             Scale::Factor(_) => Some(1.0),
             Scale::State(_) => Some(0.0),
             Scale::Magnitude(_) if self.tolerance.is_some() => Some(0.0),
-            Scale::Shape { middle, .. } => Some(middle),
+            Scale::Shape { middle, .. } => Some(measure.times(self.unit) * middle),
             _ => None,
         }
     }

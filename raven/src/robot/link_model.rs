@@ -106,9 +106,16 @@ impl LinkModel {
     /// change by parts in ten thousand within a step, and they take most of the time.
     #[must_use]
     pub fn step(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> LinkState {
+        self.step_with(&self.rigid_body_ahead(state, 0.5 * step_s), state, motor, motor_rate, step_s)
+    }
+
+    /// Rigid-body terms after a time at the velocity there is.
+    fn rigid_body_ahead(&self, state: &LinkState, time_s: f64) -> RigidBody {
+        self.rigid_body(&LinkState { position: state.position + state.rate * time_s, rate: state.rate })
+    }
+
+    fn step_with(&self, body: &RigidBody, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> LinkState {
         let half = 0.5 * step_s;
-        let middle = LinkState { position: state.position + state.rate * half, rate: state.rate };
-        let body = self.rigid_body(&middle);
         let slope = |s: &LinkState, t: f64| (s.rate, body.acceleration(&self.force(s, &(motor + motor_rate * t), motor_rate)));
         let ahead =
             |(v, a): &(Vector3<f64>, Vector3<f64>), h: f64| LinkState { position: state.position + v * h, rate: state.rate + a * h };
@@ -122,13 +129,19 @@ impl LinkModel {
         }
     }
 
-    /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily.
+    /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within a millisecond share
+    /// their rigid-body terms.
     #[must_use]
     pub fn advance(&self, mut state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
         let steps = (duration_s / self.step_max_s).ceil().max(1.0);
         let step_s = duration_s / steps;
-        for i in 0..steps as usize {
-            state = self.step(&state, &(motor + motor_rate * (i as f64 * step_s)), motor_rate, step_s);
+        let (steps, sharing) = (steps as usize, (1e-3 / step_s).round().max(1.0) as usize);
+        for first in (0..steps).step_by(sharing) {
+            let last = (first + sharing).min(steps);
+            let body = self.rigid_body_ahead(&state, 0.5 * (last - first) as f64 * step_s);
+            for i in first..last {
+                state = self.step_with(&body, &state, &(motor + motor_rate * (i as f64 * step_s)), motor_rate, step_s);
+            }
         }
         state
     }

@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     stage: Stage::Transmission,
     summary: "a fraction of the capstan's travel is lost towards the load while the cable's force exceeds a limit",
     parameters: &[
-        Parameter { name: "force", unit: "cable force", scale: Scale::Shape { middle: 15.0, size: 0.7 }, tolerance: None },
+        Parameter { name: "force", unit: "cable load", scale: Scale::Shape { middle: 0.5, size: 0.7 }, tolerance: None },
         Parameter { name: "fraction", unit: "1", scale: Scale::Magnitude(Size::of(0.01)), tolerance: None },
     ],
     channels: &[Channel::Tip],

@@ -8,7 +8,7 @@ pub const EFFECT: Effect = Effect {
     scope: Scope::Joint,
     stage: Stage::Transmission,
     summary: "gamma = 2 k_e x0 sinh(x / x0)",
-    parameters: &[Parameter { name: "length", unit: "m", scale: Scale::Shape { middle: 3e-4, size: 1.0 }, tolerance: None }],
+    parameters: &[Parameter { name: "length", unit: "cable stretch", scale: Scale::Shape { middle: 0.5, size: 1.0 }, tolerance: None }],
     channels: &[Channel::Tip],
     ties: &[Tie { id: "backlash", exact: false }],
     separated_by: "loads from none to full in one pose",
