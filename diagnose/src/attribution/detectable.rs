@@ -1,7 +1,10 @@
-//! The smallest size of each effect that recordings could have shown.
+//! The smallest size of each effect that recordings could have shown, and how probable it is that one is there and too small for them.
 //!
 //! With an effect's slope `s` projected off the numbers of the nominal model, `S = s's - s'J (J'J + L)^-1 J's`, a size of `u` slabs raises
 //! the evidence by `u^2 S^2 / (2 (S + 1)) - ln(1 + S) / 2` on average.
+//!
+//! An effect that is too small to show leaves the evidence as it is without. Sizes have no scale of their own before a recording is looked
+//! at: every factor is as probable as any other (Jeffreys 1946), between what would be no effect and the largest that is to be expected.
 
 use nalgebra::DVector;
 use raven::Result;
@@ -30,10 +33,39 @@ pub struct Detectable {
 
 /// Evidence beyond the prior odds at which an effect counts as shown [nat].
 const SHOWN_NATS: f64 = 3.0;
-/// Largest size that is to be expected, in slabs.
-const LARGEST: f64 = 3.0;
+/// Smallest size that counts as an effect and largest that is to be expected, in slabs.
+const SIZES: [f64; 2] = [0.03, 3.0];
 
-pub(super) fn minimum_detectable(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Detectable>> {
+/// The smallest size of one effect that would have been named.
+pub(super) struct Smallest {
+    effect: usize,
+    /// Coordinate of its size.
+    coordinate: usize,
+    /// In slabs.
+    u: f64,
+}
+
+impl Smallest {
+    /// Probability that an effect is smaller, if it is there.
+    pub(super) fn part_unseen(&self) -> f64 {
+        let [least, largest] = SIZES;
+        ((self.u / least).ln() / (largest / least).ln()).clamp(0.0, 1.0)
+    }
+
+    /// As reports have it.
+    pub(super) fn detectable(&self, fitter: &Fitter) -> Detectable {
+        let (sited, kind) = (fitter.coordinates.sited[self.effect], fitter.coordinates.kinds[self.effect]);
+        let parameter = parameter(fitter, self.coordinate);
+        Detectable {
+            id: sited.effect.id,
+            joint: sited.joint(fitter.rows.robot()),
+            size: (self.u < SIZES[1]).then(|| parameter.value(self.u, kind)),
+            unit: parameter.unit_at(kind).to_owned(),
+        }
+    }
+}
+
+pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smallest>> {
     let (rows, coordinates, none) = (fitter.rows, fitter.coordinates, &outcome.none);
     let count = coordinates.sited.len();
     let wanted = SHOWN_NATS + prior::log(0, count) - prior::log(1, count);
@@ -43,7 +75,7 @@ pub(super) fn minimum_detectable(fitter: &Fitter, outcome: &Outcome) -> Result<V
         curvature[(k, k)] += fitter.prior(c, &[]).map_or(0.0, |t| t.powi(-2));
     }
     let here = rows.residuals(&coordinates.settings(&none.u), Links::Settled, &[Channel::Tip, Channel::Torque])?;
-    let of_effect = |effect: usize| -> Result<Option<Detectable>> {
+    let of_effect = |effect: usize| -> Result<Option<Smallest>> {
         let sited = coordinates.sited[effect];
         let own: Vec<usize> = coordinates.of(effect).collect();
         let kept: Vec<usize> = (0..none.free.len()).filter(|&k| !own.contains(&none.free[k])).collect();
@@ -63,16 +95,9 @@ pub(super) fn minimum_detectable(fitter: &Fitter, outcome: &Outcome) -> Result<V
         let Some(factor) = block.cholesky() else { return Ok(None) };
         let information = (dot(&slope, &slope) - cross.dot(&factor.solve(&cross))).max(0.0);
         let needed = (wanted + 0.5 * (1.0 + information).ln()) * 2.0 * (information + 1.0) / information.powi(2);
-        let u = needed.sqrt();
-        let (parameter, kind) = (parameter(fitter, own[size]), coordinates.kinds[effect]);
-        Ok(Some(Detectable {
-            id: sited.effect.id,
-            joint: sited.joint(rows.robot()),
-            size: (u < LARGEST).then(|| parameter.value(u, kind)),
-            unit: parameter.unit_at(kind).to_owned(),
-        }))
+        Ok(Some(Smallest { effect, coordinate: own[size], u: needed.sqrt() }))
     };
-    let found: Result<Vec<Option<Detectable>>> = (0..count).into_par_iter().map(of_effect).collect();
+    let found: Result<Vec<Option<Smallest>>> = (0..count).into_par_iter().map(of_effect).collect();
     Ok(found?.into_iter().flatten().collect())
 }
 

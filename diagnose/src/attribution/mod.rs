@@ -29,6 +29,7 @@ use crate::evidence::bench::Bench;
 use crate::evidence::coordinates::Coordinates;
 use crate::evidence::data::Data;
 use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::prior;
 use crate::evidence::rows::Rows;
 use crate::evidence::search::Outcome;
 
@@ -39,12 +40,17 @@ pub struct Attribution {
     pub verdict: Word,
     /// Causes, the surest first.
     pub effects: Vec<Blamed>,
+    /// Part of the misfit that they account for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub misfit_accounted: Option<f64>,
     /// Every effect looked at, and none: the most probable first.
     pub candidates: Vec<Candidate>,
     /// Effects that these recordings cannot show.
     pub not_observable: Vec<NotObservable>,
     /// Smallest sizes that they could have shown.
     pub minimum_detectable: Vec<Detectable>,
+    /// Probability that there are effects, all of them too small to show.
+    pub probability_too_small: f64,
     /// How far the gap closes.
     pub gap: Vec<Closure>,
     /// What is left over time, before and after the effects; empty without effects.
@@ -137,17 +143,31 @@ pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recordi
 }
 
 /// What causes the gap of recordings of either kind, and how far it closes.
-fn attributed(rows: &impl Sampled, each: impl FnMut()) -> Result<Attribution> {
+fn attributed(rows: &dyn Sampled, mut each: impl FnMut()) -> Result<Attribution> {
     let coordinates = Coordinates::new(rows.robot(), rows);
     let fitter = Fitter { rows, coordinates: &coordinates };
-    let outcome = fitter.search(each)?.ok_or_else(|| {
+    let outcome = followed(rows, fitter.search(&mut each)?)?;
+    // Friction that was found makes samples near rest doubtful that were not: the likely hypotheses are judged anew.
+    let Some(rows) = rows.reweighted(&coordinates.settings(&fitter.effects_alone(&outcome.best)))? else {
+        return concluded(rows, &coordinates, &outcome);
+    };
+    let fitter = Fitter { rows: &*rows, coordinates: &coordinates };
+    let outcome = followed(&*rows, fitter.search_again(&outcome, each)?)?;
+    concluded(&*rows, &coordinates, &outcome)
+}
+
+fn followed(rows: &dyn Sampled, outcome: Option<Outcome>) -> Result<Outcome> {
+    outcome.ok_or_else(|| {
         raven::Error::Data(format!(
             "robot `{}`: the model does not follow the recorded motors; check that file and recordings belong together.",
             rows.robot().name
         ))
-    })?;
-    let mut attribution = attribution(&fitter, &outcome)?;
-    (attribution.gap, attribution.remaining) = closure::closures(rows, &coordinates, closing(&outcome, attribution.verdict))?;
+    })
+}
+
+fn concluded(rows: &dyn Sampled, coordinates: &Coordinates, outcome: &Outcome) -> Result<Attribution> {
+    let mut attribution = attribution(&Fitter { rows, coordinates }, outcome)?;
+    (attribution.gap, attribution.remaining) = closure::closures(rows, coordinates, closing(outcome, attribution.verdict))?;
     Ok(attribution)
 }
 
@@ -178,11 +198,16 @@ pub fn when_told(
         at.ok_or_else(|| raven::Error::Data(format!("these recordings cannot show `{}`.", words::at(id, joint))))
     };
     let told = effects.iter().map(of_name).collect::<Result<Vec<usize>>>()?;
-    let fitted = Fitter { rows: &rows, coordinates: &coordinates }.told(&told)?;
-    let told = |(hypothesis, evidence_nats): (Hypothesis, f64)| {
-        Ok(Told { gap: closure::closures(&rows, &coordinates, &hypothesis)?.0, evidence_nats })
+    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
+    let fitted = |rows: &Rows| Fitter { rows, ..fitter }.told(&told);
+    let closed = |rows: &Rows, (hypothesis, evidence_nats): (Hypothesis, f64)| {
+        Ok(Told { gap: closure::closures(rows, &coordinates, &hypothesis)?.0, evidence_nats })
     };
-    fitted.map(told).transpose()
+    let Some(first) = fitted(&rows)? else { return Ok(None) };
+    let Some(reweighted) = rows.reweighted(&coordinates.settings(&fitter.effects_alone(&first.0)))? else {
+        return closed(&rows, first).map(Some);
+    };
+    fitted(&reweighted)?.map(|again| closed(&reweighted, again)).transpose()
 }
 
 /// The hypothesis whose effects are named; `None` where none is.
@@ -199,13 +224,24 @@ fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
     probabilities.iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p)
 }
 
+/// Makes room among hypotheses for effects that are too small to show; returns their probability.
+fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], odds_unseen: f64) -> f64 {
+    let unseen = odds_unseen * probability_of_none(probabilities);
+    probabilities.iter_mut().for_each(|(_, p)| *p /= 1.0 + unseen);
+    unseen / (1.0 + unseen)
+}
+
 /// What hypotheses say, without the gap.
 fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
-    let probabilities = outcome.probabilities();
+    let smallest = detectable::smallest(fitter, outcome)?;
+    let unseen: Vec<f64> = smallest.iter().map(detectable::Smallest::part_unseen).collect();
+    let odds_unseen = prior::odds_unseen(unseen.iter().sum::<f64>() / unseen.len().max(1) as f64);
+    let mut probabilities = outcome.probabilities();
+    let probability_too_small = with_unseen(&mut probabilities, odds_unseen);
     let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
     let named = named(outcome);
     let mut effects = Vec::new();
-    let word = verdict::word(fitter, outcome, named);
+    let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
     if let Some(best) = named.filter(|_| word != Word::Unexplained) {
         for &effect in &best.effects {
             let ties = ties::ties(fitter, outcome, best, effect);
@@ -217,9 +253,11 @@ fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
     Ok(Attribution {
         verdict: word,
         effects,
+        misfit_accounted: accounted,
         candidates: candidates(fitter, outcome, &probabilities, &with),
         not_observable: not_observable.map(|(effect, because)| NotObservable { id: effect.id, because: (*because).to_owned() }).collect(),
-        minimum_detectable: detectable::minimum_detectable(fitter, outcome)?,
+        minimum_detectable: smallest.iter().map(|smallest| smallest.detectable(fitter)).collect(),
+        probability_too_small,
         gap: Vec::new(),
         remaining: Vec::new(),
         remarks: Vec::new(),
@@ -229,13 +267,15 @@ fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
 fn blamed(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Blamed {
     let coordinates = fitter.coordinates;
     let (sited, kind) = (coordinates.sited[effect], coordinates.kinds[effect]);
+    let deviations = fitter.deviations(best);
+    let std = |c: usize| best.free.iter().position(|&free| free == c).map_or(0.0, |k| deviations[k]);
     let estimate = |c: usize| {
         let parameter = &sited.effect.parameters[coordinates.all[c].parameter];
         Estimate {
             aside: coordinates.all[c].is_unknown(),
             name: parameter.name,
             value: parameter.value(best.u[c], kind),
-            std: parameter.std(best.u[c], best.std(c), kind),
+            std: parameter.std(best.u[c], std(c), kind),
             unit: parameter.unit_at(kind).to_owned(),
         }
     };

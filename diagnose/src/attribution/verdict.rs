@@ -42,23 +42,31 @@ const REMAINS: f64 = 1.5;
 /// Part of the misfit that effects have to account for.
 const ACCOUNTED: f64 = 0.5;
 
-pub(super) fn word(fitter: &Fitter, outcome: &Outcome, named: Option<&Hypothesis>) -> Word {
+/// What the best hypothesis comes to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Judgement {
+    pub(super) word: Word,
+    /// Part of the misfit that the named effects account for; nothing where none is named.
+    pub(super) accounted: Option<f64>,
+}
+
+pub(super) fn judge(fitter: &Fitter, outcome: &Outcome, named: Option<&Hypothesis>) -> Judgement {
     let hypothesis = named.unwrap_or(&outcome.none);
     let leftover = Leftover::of(&hypothesis.residuals, fitter.rows.tip_rows());
     let remains = leftover.tip.max(leftover.torque.max()) > REMAINS;
-    match (named, remains) {
+    let misfit = |h: &Hypothesis| {
+        let prior = |&c: &usize| fitter.prior(c, &h.effects).map_or(0.0, |t| (h.u[c] / t).powi(2));
+        let rows = h.residuals.iter().filter(|r| **r != 0.0).count() as f64;
+        let excess = (dot(&h.residuals, &h.residuals) - rows).max(0.0);
+        excess + h.free.iter().map(prior).sum::<f64>()
+    };
+    let accounted = named.map(|best| 1.0 - misfit(best) / misfit(&outcome.none));
+    let word = match (accounted, remains) {
         (None, false) => Word::None,
         (None, true) => Word::Unexplained,
         (Some(_), false) => Word::Explained,
-        (Some(best), true) => {
-            let misfit = |h: &Hypothesis| {
-                let prior = |&c: &usize| fitter.prior(c, &h.effects).map_or(0.0, |t| (h.u[c] / t).powi(2));
-                let rows = h.residuals.iter().filter(|r| **r != 0.0).count() as f64;
-                let excess = (dot(&h.residuals, &h.residuals) - rows).max(0.0);
-                excess + h.free.iter().map(prior).sum::<f64>()
-            };
-            let accounted = 1.0 - misfit(best) / misfit(&outcome.none);
-            if accounted > ACCOUNTED { Word::PartlyExplained } else { Word::Unexplained }
-        }
-    }
+        (Some(accounted), true) if accounted > ACCOUNTED => Word::PartlyExplained,
+        (Some(_), true) => Word::Unexplained,
+    };
+    Judgement { word, accounted: accounted.filter(|_| word != Word::Unexplained) }
 }

@@ -12,9 +12,17 @@ const SHOWN: usize = 5;
 pub fn sentence(attribution: &Attribution) -> String {
     let causes: Vec<String> = attribution.effects.iter().map(cause).collect();
     match attribution.verdict {
-        Word::None => "No effect is needed: the model explains these recordings within the tolerances of its numbers.".to_owned(),
+        Word::None => format!(
+            "No effect is needed: the model explains these recordings within the tolerances of its numbers. That there is one all the same, too \
+             small to show here, has probability {:.2}.",
+            attribution.probability_too_small
+        ),
         Word::Explained => format!("The gap is explained by {}; what is left looks like noise.", causes.join(" and ")),
-        Word::PartlyExplained => format!("The gap is explained in part by {}; something reproducible remains.", causes.join(" and ")),
+        Word::PartlyExplained => format!(
+            "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains.",
+            causes.join(" and "),
+            100.0 * attribution.misfit_accounted.unwrap_or(0.0)
+        ),
         Word::Unexplained => "There is a gap that nothing in the library accounts for.".to_owned(),
     }
 }

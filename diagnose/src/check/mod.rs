@@ -74,8 +74,14 @@ pub type Oracle<'a> = dyn Fn(&Path, &[(&str, Option<&str>)]) -> Result<Option<To
 /// If a file cannot be read or written, or the labels are not those that were sealed.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
-    let passing = passing_folder()?;
-    let folder = args.folder.as_deref().unwrap_or(passing.path());
+    let passing;
+    let folder = match &args.folder {
+        Some(folder) => folder.as_path(),
+        None => {
+            passing = passing_folder()?;
+            passing.path()
+        }
+    };
     if let Some(count) = args.simulate {
         simulate(&robot, args.seed, usize::from(count), folder)?;
     }

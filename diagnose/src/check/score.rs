@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use raven::effects::at_place;
 use raven::simulation::Label;
 use serde::Serialize;
 
@@ -218,22 +219,19 @@ impl Case<'_> {
 
     fn truth_text(&self) -> String {
         let texts: Vec<String> =
-            self.label.effects.iter().map(|e| format!("{}={:?}", at(&e.id, e.joint.as_deref()), e.magnitude.values())).collect();
+            self.label.effects.iter().map(|e| format!("{}={:?}", at_place(&e.id, e.joint.as_deref()), e.magnitude.values())).collect();
         if texts.is_empty() { "none".to_owned() } else { texts.join(" + ") }
     }
 }
 
-fn at(id: &str, joint: Option<&str>) -> String {
-    joint.map_or_else(|| id.to_owned(), |joint| format!("{id}:{joint}"))
-}
-
 /// A verdict in a line, with the second answer where the first is alone.
 fn said_text(verdict: &Verdict, names: &Names) -> String {
-    let blamed: Vec<String> = verdict.effects.iter().map(|e| format!("{} ({:.2})", at(&e.id, e.joint.as_deref()), e.probability)).collect();
+    let blamed: Vec<String> =
+        verdict.effects.iter().map(|e| format!("{} ({:.2})", at_place(&e.id, e.joint.as_deref()), e.probability)).collect();
     let word = verdict.verdict.name();
     let mut text = if blamed.is_empty() { word.to_owned() } else { format!("{word}: {}", blamed.join(" + ")) };
     if let Some(Some(next)) = names.answers(verdict).get(blamed.len().max(1)) {
-        text += &format!(", then {}", at(&next.id, next.joint.as_deref()));
+        text += &format!(", then {}", at_place(&next.id, next.joint.as_deref()));
     }
     text
 }

@@ -1,6 +1,7 @@
 //! Which effects, by evidence.
 
 pub mod bench;
+pub mod clustered;
 pub mod coordinates;
 pub mod data;
 pub mod fit;

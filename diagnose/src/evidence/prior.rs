@@ -24,6 +24,14 @@ pub fn probabilities(evidence: impl Iterator<Item = (Vec<usize>, f64)>, effects:
     all
 }
 
+/// Odds that there are effects, all of them too small to show, against that there are none. `part_unseen` is the part of an effect's sizes
+/// that is too small, on average over the effects.
+#[must_use]
+pub fn odds_unseen(part_unseen: f64) -> f64 {
+    let [none, some @ ..] = OF_COUNT;
+    some.iter().rev().fold(0.0, |sum, p| (sum + p) * part_unseen) / none
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -34,5 +42,12 @@ mod tests {
         let sets = [1.0, 12.0, 66.0, 220.0];
         let sum: f64 = sets.iter().enumerate().map(|(k, sets)| sets * log(k, n).exp()).sum();
         approx::assert_relative_eq!(sum, 1.0, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn what_cannot_show_stays_as_probable_as_it_was() {
+        approx::assert_relative_eq!(odds_unseen(1.0), 1.0, epsilon = 1e-12);
+        approx::assert_relative_eq!(odds_unseen(0.5), (0.35 * 0.5 + 0.12 * 0.25 + 0.03 * 0.125) / 0.5, epsilon = 1e-12);
+        assert_eq!(odds_unseen(0.0), 0.0);
     }
 }

@@ -18,6 +18,8 @@ pub(crate) const CREEP_RAD_S: f64 = 1.0;
 /// Part of a joint's dry friction that is not known near rest, and how slow that is in speeds below which friction fades.
 pub(super) const NEAR_REST: f64 = 0.5;
 pub(super) const SLOW: f64 = 10.0;
+/// How many times the dry friction that was assumed makes a difference to that.
+const MORE_FRICTION: f64 = 1.5;
 
 /// Recordings of one robot, and how much each residual weighs.
 pub struct Rows<'a> {
@@ -28,6 +30,8 @@ pub struct Rows<'a> {
     whiten: Vec<Vec<nalgebra::Matrix3<f64>>>,
     /// Inverse deviations of each torque sample; 0 where it says nothing.
     torque_weight: Vec<Vec<Vector3<f64>>>,
+    /// Whose friction near rest is in doubt.
+    rubbing: Arm,
 }
 
 /// How the links follow.
@@ -99,9 +103,25 @@ impl<'a> Rows<'a> {
             data.sights.iter().map(factor).collect()
         };
         let arm = robot.arm()?;
-        let gear_ratio = Vector3::from_fn(|j, _| robot.joints[j].gear_ratio);
-        let torque_weight = data.iter().map(|data| torque_weights(&arm, &gear_ratio, &data.shafts)).collect();
-        Ok(Self { robot, cameras, data, whiten: data.iter().map(whiten).collect(), torque_weight })
+        let torque_weight = data.iter().map(|data| torque_weights(robot, &arm, &data.shafts)).collect();
+        Ok(Self { robot, cameras, data, whiten: data.iter().map(whiten).collect(), torque_weight, rubbing: arm })
+    }
+
+    /// The same with torque samples near rest in as much doubt as the dry friction with these effects asks for; `None` where that is hardly
+    /// more than was assumed.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn reweighted(&self, settings: &[Setting]) -> Result<Option<Self>> {
+        let arm = self.model(settings)?.robot.arm()?;
+        let shafts = || self.data.iter().flat_map(|data| &data.shafts);
+        let friction = |of: &Arm| shafts().map(|shaft| dry_friction(of, shaft)).sum::<Vector3<f64>>();
+        let (found, assumed) = (friction(&arm), friction(&self.rubbing));
+        if (0..3).all(|j| found[j] <= MORE_FRICTION * assumed[j]) {
+            return Ok(None);
+        }
+        let torque_weight = self.data.iter().map(|data| torque_weights(self.robot, &arm, &data.shafts)).collect();
+        Ok(Some(Self { torque_weight, rubbing: arm, whiten: self.whiten.clone(), ..*self }))
     }
 
     /// The same with part of the rows counting less: each sight and torque sample's deviations are multiplied by what `inflation` says of
@@ -114,6 +134,7 @@ impl<'a> Rows<'a> {
             data: self.data,
             whiten: self.whiten.clone(),
             torque_weight: self.torque_weight.clone(),
+            rubbing: self.rubbing.clone(),
         };
         for (r, data) in self.data.iter().enumerate() {
             for (sight, whiten) in data.sights.iter().zip(&mut rows.whiten[r]) {
@@ -222,9 +243,16 @@ pub(super) fn commanded_per_delivered(
     commanded.zip_map(&delivered, |asked: f64, got: f64| if got > 0.0 { (asked / got).sqrt() } else { 1.0 })
 }
 
+/// Dry friction of the joints at a pose [N m, N m, N].
+fn dry_friction(arm: &Arm, shaft: &Shaft) -> Vector3<f64> {
+    let gravity = arm.dynamics.bias(&arm.transmission.joint_from_motor(&shaft.angle), &Vector3::zeros());
+    let tension_n = arm.transmission.tension_n(&gravity);
+    Vector3::from_fn(|j, _| arm.dry_friction_n(j, tension_n[j]))
+}
+
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is
-/// not known of friction near rest.
-fn torque_weights(arm: &Arm, gear_ratio: &Vector3<f64>, shafts: &[Shaft]) -> Vec<Vector3<f64>> {
+/// not known of the friction of `arm` near rest.
+fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft]) -> Vec<Vector3<f64>> {
     let mean_square = |j: usize| shafts.iter().map(|s| s.commanded[j].powi(2)).sum::<f64>() / shafts.len().max(1) as f64;
     let model = Vector3::from_fn(|j, _| TORQUE_MODEL * mean_square(j).sqrt());
     let stride_s = shafts.windows(2).map(|w| w[1].time_s - w[0].time_s).fold(f64::INFINITY, f64::min);
@@ -232,12 +260,13 @@ fn torque_weights(arm: &Arm, gear_ratio: &Vector3<f64>, shafts: &[Shaft]) -> Vec
     let transmission = &arm.transmission;
     let weight = |shaft: &Shaft| {
         let rate = transmission.joint_rate_from_motor(&shaft.rate);
+        let dry = dry_friction(arm, shaft);
         Vector3::from_fn(|j, _| {
             let surely_moving = shaft.rate[j].abs() > CREEP_RAD_S + 0.5 * WINDOW_S * shaft.acceleration[j].abs();
             if !surely_moving || model[j] == 0.0 {
                 return 0.0;
             }
-            let friction = arm.link_friction[j].coulomb / transmission.link_radius_m[j] * transmission.cable_per_motor_m[j] * gear_ratio[j];
+            let friction = dry[j] / transmission.link_radius_m[j] * transmission.cable_per_motor_m[j] * robot.joints[j].gear_ratio;
             let slow = 1.0 / (1.0 + (rate[j] / (SLOW * arm.stiction_speed(j))).powi(2));
             1.0 / (model[j].hypot(NEAR_REST * friction * slow) * alike.sqrt())
         })

@@ -43,6 +43,8 @@ pub struct Outcome {
     pub fitted: BTreeMap<Vec<usize>, (Hypothesis, f64)>,
     /// Tempered evidence, at most, of those that the screen gave up [nat].
     pub screened: BTreeMap<Vec<usize>, f64>,
+    /// What the screen said of the whole library from each hypothesis that effects were added to.
+    screens: BTreeMap<Vec<usize>, Vec<Candidate>>,
     effects: usize,
     /// Whitened residuals of the nominal model as it is.
     nominal: Vec<f64>,
@@ -77,11 +79,57 @@ impl Fitter<'_> {
         (0..self.coordinates.all.len()).map(|c| if shape_alone(c) { ABSENT } else { 0.0 }).collect()
     }
 
+    /// `u` of the nominal model with the effects of a hypothesis and nothing else.
+    #[must_use]
+    pub fn effects_alone(&self, hypothesis: &Hypothesis) -> Vec<f64> {
+        let mut u = self.nowhere();
+        hypothesis.effects.iter().flat_map(|&effect| self.coordinates.of(effect)).for_each(|c| u[c] = hypothesis.u[c]);
+        u
+    }
+
     /// Looks for the most probable hypothesis; `None` where not even the nominal model can be evaluated. `each` hears of every step.
     ///
     /// # Errors
     /// If the robot is no arm.
     pub fn search(&self, mut each: impl FnMut()) -> Result<Option<Outcome>> {
+        let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
+        each();
+        self.add_effects(&mut outcome, &nominal, each)?;
+        Ok(Some(outcome))
+    }
+
+    /// As [`Self::search`] where the same was searched with rows of other weights `before`: what came near the best there is fitted anew, and
+    /// effects are added to the best of that.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn search_again(&self, before: &Outcome, mut each: impl FnMut()) -> Result<Option<Outcome>> {
+        let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
+        each();
+        if let Some(best) = self.fit(&before.best.effects, &before.best.u, None)? {
+            let score = |(h, evidence): &(Hypothesis, f64)| evidence + prior::log(h.effects.len(), before.effects);
+            let reached = before.fitted.get(&before.best.effects).map_or(f64::NEG_INFINITY, score);
+            let is_part = |h: &Hypothesis| h.effects.iter().all(|e| best.effects.contains(e));
+            let mut near: Vec<&(Hypothesis, f64)> =
+                before.fitted.values().filter(|known| is_part(&known.0) || score(known) > reached - WITHIN_NATS).collect();
+            near.retain(|(h, _)| !h.effects.is_empty() && h.effects != best.effects);
+            near.sort_by(|a, b| is_part(&b.0).cmp(&is_part(&a.0)).then(score(b).total_cmp(&score(a))));
+            near.truncate(REFITTED[1]);
+            let refitted: Result<Vec<Option<Hypothesis>>> = near.par_iter().map(|(h, _)| self.fit(&h.effects, &h.u, Some(&best))).collect();
+            for hypothesis in [Some(best)].into_iter().chain(refitted?).flatten() {
+                outcome.keep(&hypothesis);
+                if self.better(&outcome, &hypothesis, &outcome.best) {
+                    outcome.best = hypothesis;
+                }
+            }
+            each();
+        }
+        self.add_effects(&mut outcome, &nominal, each)?;
+        Ok(Some(outcome))
+    }
+
+    /// The nominal model as it is, and fitted within its tolerances.
+    fn begun(&self) -> Result<Option<(Hypothesis, Outcome)>> {
         let Some(nominal) = self.at_nominal()? else { return Ok(None) };
         let Some(none) = self.fit(&[], &nominal.u, None)? else { return Ok(None) };
         let mut outcome = Outcome {
@@ -90,25 +138,33 @@ impl Fitter<'_> {
             leftover: Leftover::none(),
             fitted: BTreeMap::new(),
             screened: BTreeMap::new(),
+            screens: BTreeMap::new(),
             effects: self.coordinates.sited.len(),
             nominal: nominal.residuals.clone(),
         };
         outcome.keep(&none);
-        each();
-        for round in 1..=EFFECTS_MAX {
+        Ok(Some((nominal, outcome)))
+    }
+
+    /// Adds effects to the best hypothesis, one at a time, as long as that makes it more probable.
+    fn add_effects(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
+        for round in outcome.best.effects.len() + 1..=EFFECTS_MAX {
             // Numbers of the nominal model that made up for a large effect are a bad place to look from.
             let point = if round == 1 { nominal.clone() } else { outcome.best.clone() };
             let candidates = self.screen(&point, outcome.best.evidence)?;
+            if round > 1 {
+                outcome.screens.insert(point.effects.clone(), candidates.clone());
+            }
             let hopeful = |c: &&Candidate| c.evidence > outcome.best.evidence + HOPE_NATS;
             let least = if round == 1 { REFITTED[0] } else { 0 };
             let count = [least, candidates.iter().filter(hopeful).count().clamp(least, REFITTED[1])];
-            let Some(mut best) = self.refitted(&mut outcome, candidates, &count, &point)? else { break };
+            let Some(mut best) = self.refitted(outcome, candidates, &count, &point)? else { break };
             each();
-            if round > 1 && self.better(&outcome, &best, &outcome.best) {
-                best = self.reopened(&mut outcome, best)?;
+            if round > 1 && self.better(outcome, &best, &outcome.best) {
+                best = self.reopened(outcome, best)?;
                 each();
             }
-            if !self.better(&outcome, &best, &outcome.best) {
+            if !self.better(outcome, &best, &outcome.best) {
                 break;
             }
             outcome.best = best;
@@ -116,8 +172,8 @@ impl Fitter<'_> {
                 break;
             }
         }
-        self.temper(&mut outcome);
-        Ok(Some(outcome))
+        self.temper(outcome);
+        Ok(())
     }
 
     /// The nominal model with its slopes, nothing fitted.
@@ -237,6 +293,12 @@ impl Fitter<'_> {
         Ok([first, again].into_iter().flatten().max_by(|a, b| a.evidence.total_cmp(&b.evidence)))
     }
 
+    /// Effects that could stand in for one.
+    fn alike(&self, effect: usize) -> Vec<usize> {
+        let sited = &self.coordinates.sited;
+        (0..sited.len()).filter(|&other| other != effect && sited[effect].shows_where(&sited[other])).collect()
+    }
+
     /// The best hypothesis that differs from `best` by one effect, as long as that is better.
     fn reopened(&self, outcome: &mut Outcome, mut best: Hypothesis) -> Result<Hypothesis> {
         for _ in 0..EFFECTS_MAX {
@@ -254,8 +316,12 @@ impl Fitter<'_> {
                 };
                 let Some(rest) = rest else { continue };
                 outcome.keep(&rest);
+                let screened = match outcome.screens.get(&rest.effects) {
+                    Some(whole) => whole.clone(),
+                    None => self.screen_some(&rest, rest.evidence, &self.alike(left_out))?,
+                };
                 let hopeful = |c: &Candidate| c.evidence > best.evidence - HOPE_NATS && !outcome.fitted.contains_key(&c.effects);
-                let candidates = self.screen(&rest, rest.evidence)?.into_iter().filter(hopeful).collect();
+                let candidates = screened.into_iter().filter(hopeful).collect();
                 let replaced = self.refitted(outcome, candidates, &REPLACEMENTS, &rest)?;
                 for hypothesis in [Some(rest), replaced].into_iter().flatten() {
                     if self.better(outcome, &hypothesis, better.as_ref().unwrap_or(&best)) {

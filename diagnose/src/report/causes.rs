@@ -42,7 +42,7 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
         page.next_steps.push(format!(
             "Put {} into the robot file with `raven-identify --add-effect {}` and look again.",
             at(effect.id, effect.joint.as_deref()),
-            effect.joint.as_ref().map_or_else(|| effect.id.to_owned(), |joint| format!("{}:{joint}", effect.id))
+            raven::effects::at_place(effect.id, effect.joint.as_deref())
         ));
     }
     let detectable = attribution.minimum_detectable.iter().filter_map(|least| {

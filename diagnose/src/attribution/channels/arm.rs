@@ -64,6 +64,10 @@ impl Sampled for Rows<'_> {
         Ok(samples)
     }
 
+    fn reweighted(&self, settings: &[Setting]) -> Result<Option<Box<dyn Sampled + '_>>> {
+        Ok(Rows::reweighted(self, settings)?.map(|rows| Box::new(rows) as Box<dyn Sampled>))
+    }
+
     fn only(&self, keep: &dyn Fn(f64) -> bool) -> Box<dyn Observed + '_> {
         Box::new(self.inflated(|_, time_s| {
             let inflation = if keep(time_s) { 1.0 } else { f64::INFINITY };

@@ -53,6 +53,14 @@ pub(super) trait Sampled: Observed {
     /// If the robot does not fit the recordings.
     fn samples(&self, settings: &[Setting]) -> Result<Vec<Sample>>;
 
+    /// The recordings as they count where these effects are there, if that makes a difference.
+    ///
+    /// # Errors
+    /// If the robot does not fit the recordings.
+    fn reweighted(&self, _settings: &[Setting]) -> Result<Option<Box<dyn Sampled + '_>>> {
+        Ok(None)
+    }
+
     /// The recordings with those times alone counting that `keep` takes [s].
     fn only(&self, keep: &dyn Fn(f64) -> bool) -> Box<dyn Observed + '_>;
 }
