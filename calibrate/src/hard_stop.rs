@@ -17,7 +17,7 @@ use raven::{Error, Result};
 use raven_track::batches;
 use raven_track::look::Marker;
 
-use crate::marker_position::{Gathered, Place};
+use raven_track::marker_position::{Gathered, Place};
 
 /// Upper bounds of how far each joint is from where the encoders believe it at the hard stop [rad, rad, m]: the public controller takes its
 /// zero when the motors reach their homing current, with cables stretched by up to this much at the published stiffness.

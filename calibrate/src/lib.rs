@@ -19,7 +19,6 @@ pub mod homography;
 pub mod junction;
 pub mod linear;
 pub mod map;
-pub mod marker_position;
 pub mod mount;
 pub mod moving;
 pub mod page;

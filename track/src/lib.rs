@@ -9,9 +9,11 @@ pub mod centre;
 pub mod colour;
 mod correlated;
 pub mod interpolate;
+pub mod learn;
 pub mod lock;
 pub mod look;
 pub mod marker;
+pub mod marker_position;
 pub mod outline;
 pub mod output;
 pub mod pace;
@@ -30,7 +32,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::{MotorSource, Recording, Side, topics};
@@ -44,12 +46,49 @@ use crate::predict::Predictor;
 use crate::report::Report;
 use crate::tracker::{Record, Sighting, Tracker};
 
+const EXAMPLES: &str = "Examples:
+  raven-track sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o tracked.mcap
+  raven-track colour hardstop.mcap --cameras cameras.yaml";
+
 /// Track the coloured marker on the tool and write the tip's position.
-///
-/// Example: raven-track sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o tracked.mcap
 #[derive(Debug, Clone, Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(name = "raven-track", version, after_help = EXAMPLES, arg_required_else_help = true, args_conflicts_with_subcommands = true)]
+#[command(subcommand_negates_reqs = true)]
 pub struct Args {
+    /// Something else than tracking.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Tracking.
+    #[command(flatten)]
+    pub track: Option<Track>,
+}
+
+/// What else the program does.
+#[derive(Debug, Clone, Subcommand)]
+pub enum Command {
+    /// Learn the marker's colour from a recording in which it rests.
+    Colour(Colour),
+}
+
+/// Arguments of learning a colour.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Colour {
+    /// A recording with images in which the marker is in view and at rest, such as that at the hard stop.
+    pub log: PathBuf,
+    /// The calibrated cameras.
+    #[arg(long, value_name = "FILE")]
+    pub cameras: PathBuf,
+    /// Radius of the marker [m].
+    #[arg(long, value_name = "M", default_value_t = 0.005, value_parser = radius)]
+    pub marker_radius: f64,
+    /// Write the result as JSON; `-` is standard output.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of tracking.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Track {
     /// The recording, with images and motors.
     pub log: PathBuf,
     /// The robot file.
@@ -115,6 +154,14 @@ fn jitter(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A sentence for the user: what is missing in the log, the cameras or the robot file, or what to check if the marker is never seen.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    match (args.command, args.track) {
+        (Some(Command::Colour(colour)), _) => learn::run(&colour, out),
+        (None, Some(track)) => self::track(&track, out),
+        (None, None) => Err(Error::Data("name a recording to track; see `raven-track --help`.".to_owned())),
+    }
+}
+
+fn track(args: &Track, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
     let robot_text = files::read_text(&args.robot)?;
     let robot = Robot::parse(&args.robot, &robot_text)?;
@@ -148,7 +195,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         output::Contents { tips: &tips.tips, metadata: &metadata, records: &records, robot: &robot_text, cameras: &cameras_text };
     let report = Report::new(&tips, &records, counts, without_motor, 0.0);
     if report.seen == 0 {
-        return Err(never_seen(&args, &records, counts.undecodable));
+        return Err(never_seen(args, &records, counts.undecodable));
     }
     output::write(&args.log, &args.output, contents)?;
     let seconds = started.elapsed().as_secs_f64();
@@ -176,7 +223,7 @@ fn frames_of_both(recording: &Recording) -> Result<[u64; 2]> {
     Ok([count(Side::Left)?, count(Side::Right)?])
 }
 
-fn never_seen(args: &Args, records: &[Vec<Record>; 2], undecodable: usize) -> Error {
+fn never_seen(args: &Track, records: &[Vec<Record>; 2], undecodable: usize) -> Error {
     let of = |records: &[Record]| {
         let found = records.iter().filter(|r| !matches!(r.sighting, Sighting::Hidden)).count();
         format!("{found} of {}", records.len())

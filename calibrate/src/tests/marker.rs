@@ -9,7 +9,7 @@ use raven_track::colour::MarkerColour;
 use raven_track::look::Marker;
 use raven_track::marker::Centre;
 
-use crate::marker_position::Gathered;
+use raven_track::marker_position::Gathered;
 
 const MARKER: Vector3<f64> = Vector3::new(0.04, -0.03, 0.38);
 const RADIUS_M: f64 = 0.005;

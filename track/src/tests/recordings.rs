@@ -99,6 +99,36 @@ fn a_whole_recording_is_tracked_by_every_centre() {
 }
 
 #[test]
+fn a_colour_learned_at_the_hard_stop_finds_the_marker_in_motion() {
+    let hardstop = LAB.path().join("hardstop.mcap");
+    let session = Session::new(&nominal::gold(), Options { images: true, ..Options::default() }).unwrap();
+    session.record(Motion::Hardstop, 2.0, &hardstop, |_| {}).unwrap();
+    let json = LAB.path().join("colour.json");
+    let name = |path: &Path| path.display().to_string();
+    let words = ["raven-track", "colour", &name(&hardstop), "--cameras", &name(&cameras()), "--json", &name(&json)];
+    let mut said = Vec::new();
+    run(Args::try_parse_from(words).unwrap(), &mut said).unwrap();
+    let said = String::from_utf8(said).unwrap();
+    let learned: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+    assert_eq!(learned["pairs_seen"], learned["pairs"], "{said}");
+    let options: Vec<&str> = said.lines().find(|line| line.starts_with("track with")).unwrap().split_whitespace().skip(2).collect();
+    let (_, default, _) = track(&LAB.path().join("log.mcap"), &cameras(), &[]).unwrap();
+    let (_, tracked, _) = track(&LAB.path().join("log.mcap"), &cameras(), &options).unwrap();
+    assert!(number(&tracked, "/seen") > 0.97 * number(&default, "/seen"), "{said}{tracked}");
+}
+
+#[test]
+fn a_colour_needs_a_marker_at_rest() {
+    let board = LAB.path().join("board-alone.mcap");
+    let session = Session::new(&nominal::gold(), Options { images: true, ..Options::default() }).unwrap();
+    session.record(Motion::Board, 1.0, &board, |_| {}).unwrap();
+    let text = |path: &Path| path.display().to_string();
+    let args = Args::try_parse_from(["raven-track", "colour", &text(&board), "--cameras", &text(&cameras())]).unwrap();
+    let none = run(args, &mut Vec::new()).unwrap_err().to_string();
+    assert!(none.contains("no coloured ball of 5.0 mm radius"), "{none}");
+}
+
+#[test]
 fn truncated_frames_are_counted() {
     let (_folder, log) = changed(|side, i, _, data| {
         if side == 0 && i % 20 == 7 {

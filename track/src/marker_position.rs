@@ -4,14 +4,14 @@
 //! at that distance. Something else of that colour far away fails the second test: it has next to no disparity. Candidates of all frames
 //! are gathered by place; if more than one place remains, the recording does not say which is the marker.
 
+use crate::centre::Ball;
+use crate::look::Marker;
+use crate::marker::Blobs;
+use crate::perspective::ball_centre;
 use image::RgbImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use raven::camera::{Cameras, Pinhole};
 use raven::stats::{median, robust_std};
-use raven_track::centre::Ball;
-use raven_track::look::Marker;
-use raven_track::marker::Blobs;
-use raven_track::perspective::ball_centre;
 
 /// A place where the marker may be, in the left camera's frame.
 #[derive(Debug, Clone, PartialEq)]
