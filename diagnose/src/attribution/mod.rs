@@ -102,10 +102,22 @@ pub struct Estimate {
     pub aside: bool,
 }
 
+impl Attribution {
+    /// The effect that is looked at first if there should be one after all, where that is probable enough to be said.
+    #[must_use]
+    pub fn leading(&self) -> Option<&Candidate> {
+        let first = self.candidates.iter().find(|candidate| candidate.id != NONE)?;
+        (self.effects.is_empty() && first.probability > NONE_MAX).then_some(first)
+    }
+}
+
+/// The candidate that there is no effect.
+pub const NONE: &str = "none";
+
 /// An effect that was looked at.
 #[derive(Debug, Clone, Serialize)]
 pub struct Candidate {
-    /// Identifier; `none` for no effect.
+    /// Identifier; [`NONE`] for no effect.
     pub id: &'static str,
     /// As of a cause.
     pub joint: Option<String>,
@@ -124,8 +136,9 @@ pub struct NotObservable {
     pub because: String,
 }
 
-/// Causes are named where it is more probable that there are some than that there are none.
-const NONE_MAX: f64 = 0.5;
+/// Causes are named where that there are none has no more than this probability: the level of the tests of where a gap lies, and the part of
+/// verdicts that may blame something where there is nothing.
+const NONE_MAX: f64 = 0.05;
 
 /// Says what causes the gap of recordings of an arm or a bench. `each` hears of every step.
 ///
@@ -305,7 +318,7 @@ fn candidates(fitter: &Fitter, outcome: &Outcome, probabilities: &[(Vec<usize>, 
         evidence_nats.is_finite().then_some(candidate)
     };
     let mut all: Vec<Candidate> = fitter.coordinates.sited.iter().enumerate().filter_map(of_effect).collect();
-    all.push(Candidate { id: "none", joint: None, probability: probability_of_none(probabilities), evidence_nats: 0.0 });
+    all.push(Candidate { id: NONE, joint: None, probability: probability_of_none(probabilities), evidence_nats: 0.0 });
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     all
 }

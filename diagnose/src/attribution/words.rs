@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Attribution, Blamed, Closure, Estimate, Word};
+use super::{Attribution, Blamed, Candidate, Closure, Estimate, Word};
 
 /// Ties, candidates and sizes that a terminal shows.
 const SHOWN: usize = 5;
@@ -13,8 +13,9 @@ pub fn sentence(attribution: &Attribution) -> String {
     let causes: Vec<String> = attribution.effects.iter().map(cause).collect();
     match attribution.verdict {
         Word::None => format!(
-            "No effect is needed: the model explains these recordings within the tolerances of its numbers. That there is one all the same, too \
+            "No effect is needed: the model explains these recordings within the tolerances of its numbers.{} That there is one all the same, too \
              small to show here, has probability {:.2}.",
+            attribution.leading().map_or_else(String::new, leads),
             attribution.probability_too_small
         ),
         Word::Explained => format!("The gap is explained by {}; what is left looks like noise.", causes.join(" and ")),
@@ -25,6 +26,11 @@ pub fn sentence(attribution: &Attribution) -> String {
         ),
         Word::Unexplained => "There is a gap that nothing in the library accounts for.".to_owned(),
     }
+}
+
+fn leads(candidate: &Candidate) -> String {
+    let what = at(candidate.id, candidate.joint.as_deref());
+    format!(" {what} would explain them a little better and has probability {:.2}: too little to blame it.", candidate.probability)
 }
 
 /// `pulley-radius at the shoulder (relative_error -0.0518 +- 0.0004)`.
