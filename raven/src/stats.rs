@@ -121,6 +121,12 @@ pub fn normal_cdf(x: f64) -> f64 {
     Normal::standard().cdf(x)
 }
 
+/// The value that a standard normal variable stays below with probability `p`.
+#[must_use]
+pub fn normal_quantile(p: f64) -> f64 {
+    Normal::standard().inverse_cdf(p)
+}
+
 /// The value that a chi-square with `degrees` of freedom stays below with probability `p`.
 #[must_use]
 pub fn chi_square_quantile(degrees: usize, p: f64) -> Option<f64> {
@@ -132,6 +138,12 @@ mod tests {
     use approx::assert_relative_eq;
 
     use super::*;
+
+    #[test]
+    fn normal_quantiles_of_the_tables() {
+        assert_relative_eq!(normal_quantile(0.975), 1.959_964, epsilon = 1e-6);
+        assert_relative_eq!(normal_cdf(normal_quantile(0.3)), 0.3, epsilon = 1e-9);
+    }
 
     #[test]
     fn half_of_a_normal_distribution_is_within_0_6745_of_its_standard_deviations() {

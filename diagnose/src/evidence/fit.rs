@@ -85,7 +85,7 @@ impl Fitter<'_> {
         (0..self.coordinates.all.len()).filter(|&c| self.prior(c, effects).is_some()).collect()
     }
 
-    fn scale(&self, c: usize) -> Scale {
+    pub(super) fn scale(&self, c: usize) -> Scale {
         let coordinate = self.coordinates.all[c];
         self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale
     }

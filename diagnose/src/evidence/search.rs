@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use raven::Result;
 use raven::effects::Scale;
+use raven::stats::normal_quantile;
 use rayon::prelude::*;
 
 use super::coordinates::ABSENT;
@@ -28,6 +29,8 @@ const WITHIN_NATS: f64 = 25.0;
 const REFITTED: [usize; 2] = [2, 8];
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
+/// Chance that any effect of the library counts as beyond its scatter where there is none.
+const FALSE_CHANCE: f64 = 0.05;
 /// A candidate is worth a fit if the screen does not see it this far behind what has to be beaten [nat]: the screen errs on either side.
 const HOPE_NATS: f64 = 2.0;
 
@@ -227,14 +230,33 @@ impl Fitter<'_> {
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
         let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
-        let immaterial: Vec<Vec<usize>> =
-            outcome.fitted.values().filter(|(h, _)| self.has_immaterial(outcome, h)).map(|(h, _)| h.effects.clone()).collect();
-        outcome.fitted.retain(|effects, _| !immaterial.contains(effects));
-        outcome.screened.retain(|effects, _| effects.len() <= 1 || !immaterial.contains(effects));
+        let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || !self.are_beyond_scatter(h);
+        let gone: Vec<Vec<usize>> = outcome.fitted.values().filter(|(h, _)| spurious(h)).map(|(h, _)| h.effects.clone()).collect();
+        outcome.fitted.retain(|effects, _| !gone.contains(effects));
+        // What the screen promised of more effects than these rests on them.
+        outcome.screened.retain(|effects, _| !gone.iter().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
         let score = |h: &Hypothesis, evidence: f64| evidence + prior::log(h.effects.len(), outcome.effects);
         if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| score(&a.0, a.1).total_cmp(&score(&b.0, b.1))) {
             outcome.best = best.clone();
         }
+    }
+
+    /// Whether each effect has a size farther from none than sizes scatter where residuals are alike over time. Evidence takes rows to err
+    /// independently, and promises too much where they do not. Family-wise over the library and an effect's sizes (Bonferroni); an effect
+    /// without a size is left to its evidence.
+    fn are_beyond_scatter(&self, hypothesis: &Hypothesis) -> bool {
+        let deviations = self.deviations(hypothesis);
+        hypothesis.effects.iter().all(|&effect| {
+            let is_size = |&c: &usize| !self.coordinates.all[c].is_unknown() && self.scale(c).is_size();
+            let sizes: Vec<usize> = self.coordinates.of(effect).filter(is_size).collect();
+            let chance = FALSE_CHANCE / (self.coordinates.sited.len() * sizes.len().max(1)) as f64;
+            let beyond = normal_quantile(1.0 - 0.5 * chance);
+            let is_beyond = |&c: &usize| {
+                let at = hypothesis.free.iter().position(|&free| free == c);
+                at.is_some_and(|k| hypothesis.u[c].abs() > beyond * deviations[k])
+            };
+            sizes.is_empty() || sizes.iter().any(is_beyond)
+        })
     }
 
     fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {
