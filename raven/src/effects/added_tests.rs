@@ -80,6 +80,8 @@ fn a_file_with_an_effect_predicts_what_the_model_with_it_does() {
         assert_eq!(read, new, "{what}");
         let by_file = predicted(&Model::new(&read, Some(&cameras)).unwrap());
         let by_model = predicted(&Model::new(&old, Some(&cameras)).unwrap().with_values(&sited, &values));
+        let finite = |p: &(Vec<Vector3<f64>>, Vec<Vector3<f64>>)| p.0.iter().chain(&p.1).all(|v| v.iter().all(|v| v.is_finite()));
+        assert!(finite(&by_file) && finite(&by_model), "{what}: a prediction that is no number");
         let miss = [apart(&by_file.0, &by_model.0), apart(&by_file.1, &by_model.1)];
         assert!(miss.iter().all(|miss| *miss < 1e-9), "{what}: {miss:?}");
         let shown = [apart(&by_file.0, &nominal.0), apart(&by_file.1, &nominal.1)];

@@ -47,6 +47,12 @@ impl Cable {
         2.0 * (self.stiffness * self.exponent_length * sinh(taut / self.exponent_length) + self.damping * stretch_rate_m_s)
     }
 
+    /// Slope of the tension difference by the stretch [N/m] under a static tension difference [N].
+    #[must_use]
+    pub fn tangent_stiffness(&self, force_n: f64) -> f64 {
+        2.0 * self.stiffness * (force_n / (2.0 * self.stiffness * self.exponent_length)).hypot(1.0)
+    }
+
     /// Stretch [m] under a static tension difference [N].
     #[must_use]
     pub fn static_stretch_m(&self, force_n: f64) -> f64 {
@@ -73,6 +79,16 @@ fn asinh(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_slope_is_that_of_the_force() {
+        let cable = Cable { exponent_length: 2e-6, ..Cable::new(7.2e5, 0.0) };
+        for force_n in [0.0, 1.0, 30.0] {
+            let (at, step) = (cable.static_stretch_m(force_n), 1e-10);
+            let slope = (cable.force(at + step, 0.0) - cable.force(at - step, 0.0)) / (2.0 * step);
+            approx::assert_relative_eq!(cable.tangent_stiffness(force_n), slope, max_relative = 1e-6);
+        }
+    }
 
     #[test]
     fn the_series_meet_the_functions() {

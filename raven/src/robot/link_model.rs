@@ -130,10 +130,19 @@ impl LinkModel {
     }
 
     /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within a millisecond share
-    /// their rigid-body terms.
+    /// their rigid-body terms. A cable that stiffens asks for more steps the harder it is pulled: where they were too few, for finer ones.
     #[must_use]
-    pub fn advance(&self, mut state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
+    pub fn advance(&self, state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
         let steps = (duration_s / self.step_max_s).ceil().max(1.0);
+        let [first, finer @ ..] = FINER.map(|finer| finer * steps);
+        finer.into_iter().fold(self.in_steps(&state, motor, motor_rate, duration_s, first), |reached, steps| {
+            let is_finite = reached.position.iter().chain(&reached.rate).all(|v| v.is_finite());
+            if is_finite { reached } else { self.in_steps(&state, motor, motor_rate, duration_s, steps) }
+        })
+    }
+
+    fn in_steps(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64, steps: f64) -> LinkState {
+        let mut state = *state;
         let step_s = duration_s / steps;
         let (steps, sharing) = (steps as usize, (1e-3 / step_s).round().max(1.0) as usize);
         for first in (0..steps).step_by(sharing) {
@@ -168,16 +177,24 @@ impl LinkModel {
 /// Product of pole and step up to which order-four Runge-Kutta is accurate; it is stable up to 2.78.
 const RUNGE_KUTTA_REACH: f64 = 2.0;
 
+/// By how much steps are made shorter where the motion does not stay finite.
+const FINER: [f64; 4] = [1.0, 4.0, 16.0, 64.0];
+/// Joint acceleration that a controller may ask for [rad/s^2, m/s^2].
+const HARD_ACCELERATION: f64 = 20.0;
+
 /// Upper estimate of the fastest pole [1/s]: cable damping and stiffness and the slope of the friction at rest, on the lightest pose.
 fn fastest_pole(arm: &Arm) -> f64 {
     let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
     let inertia = arm.dynamics.mass_matrix(&middle);
+    let gravity = arm.dynamics.bias(&middle, &Vector3::zeros());
     (0..3)
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
             let damping = 2.0 * arm.cables[j].damping * radius2
                 + (1.0 - arm.link_friction[j].held_part) * arm.link_friction[j].coulomb / arm.stiction_speed(j);
-            let stiffness = 2.0 * arm.cables[j].stiffness * radius2;
+            // A cable that stiffens is stiffest under the largest load.
+            let load_n = (gravity[j].abs() + inertia[(j, j)] * HARD_ACCELERATION) / arm.transmission.link_radius_m[j];
+            let stiffness = arm.cables[j].tangent_stiffness(load_n) * radius2;
             let (rate, square) = (damping / inertia[(j, j)], stiffness / inertia[(j, j)]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.
             if rate * rate > 4.0 * square { 0.5 * (rate + (rate * rate - 4.0 * square).sqrt()) } else { square.sqrt() }
