@@ -3,12 +3,11 @@
 use nalgebra::{DVector, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use raven_identify::batch::Estimate;
 use raven_identify::problem::Problem;
 use raven_identify::recursive::{self, Horizon, Sharing, Trace};
 
-use super::virtual_robot::{Case, MIDDLE, WIDE, motion, session};
+use super::virtual_robot::{self, Case, MIDDLE, WIDE, motion, session};
 
 const DUAL: Sharing = Sharing::Dual(Horizon::Frame);
 
@@ -38,30 +37,11 @@ fn with_a_right_model_nobody_wins_by_algorithm() {
     }
 }
 
-/// Whether the truth lies within one and two claimed deviations as often as it should: three binomial deviations.
 fn assert_covered(parameters: &[&str], names: &[&str], sharing: Sharing, samples: u64) {
-    let case = Case::new(parameters);
-    let motion = motion(15.0, MIDDLE, WIDE);
-    let mut inside = vec![[0_u32; 2]; names.len()];
-    for seed in 0..samples {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let z = DVector::from_fn(case.unknowns.len(), |_, _| StandardNormal.sample(&mut random));
-        // A latency of several tenths of a second would leave the log.
-        let z = z.map_with_location(|k, _, v: f64| if k == case.index("latency") { 0.3 * v } else { v });
-        let (estimate, _) = recursively(&case, sharing, &[session(&case.truth(&z), &motion, &mut random, 0.0)]);
-        for (name, counts) in names.iter().zip(&mut inside) {
-            let k = case.index(name);
-            let off = (estimate.z[k] - z[k]).abs() / estimate.std[k];
-            counts[0] += u32::from(off < 1.0);
-            counts[1] += u32::from(off < 2.0);
-        }
-    }
-    for (name, counts) in names.iter().zip(inside) {
-        for (count, nominal) in counts.into_iter().zip([0.6827, 0.9545]) {
-            let (expected, deviation) = (nominal * samples as f64, (nominal * (1.0 - nominal) * samples as f64).sqrt());
-            assert!((f64::from(count) - expected).abs() < 3.0 * deviation, "{name}: {count} of {samples} inside, expected {expected:.0}");
-        }
-    }
+    let (case, motion) = (Case::new(parameters), motion(15.0, MIDDLE, WIDE));
+    virtual_robot::assert_covered(&case, names, samples, |truth, random| {
+        recursively(&case, sharing, &[session(truth, &motion, random, 0.0)]).0
+    });
 }
 
 #[test]

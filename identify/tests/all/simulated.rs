@@ -1,9 +1,8 @@
 //! Robots whose numbers are known: what is found, how well it claims to be known, and what is left alone.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use raven::camera::Quality;
 use raven::robot::nominal;
 use raven_identify::identified::{Finding, identified};
@@ -13,7 +12,7 @@ use raven_identify::priors;
 use raven_identify::problem::Problem;
 use raven_identify::session::Session;
 
-use super::virtual_robot::{Case, MIDDLE, WIDE, motion, session};
+use super::virtual_robot::{self, Case, MIDDLE, WIDE, motion, session};
 
 #[test]
 fn the_papers_pulley_is_found_beside_a_late_and_turned_camera() {
@@ -67,32 +66,10 @@ fn several_logs_add_up() {
     assert!((1.5..2.7).contains(&(one / four)), "four logs are worth twice the precision, not {}", one / four);
 }
 
-/// Whether the truth lies within one and two claimed deviations as often as it should: three binomial deviations.
 fn assert_covered(alike: f64) {
-    let case = Case::new(&[]);
+    let (case, motion) = (Case::new(&[]), motion(40.0, MIDDLE, WIDE));
     let names = ["r_l1", "latency", "rotation_x", "translation_y"];
-    let samples = 40;
-    let mut inside = [[0_u32; 2]; 4];
-    let motion = motion(40.0, MIDDLE, WIDE);
-    for seed in 0..samples {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let z = DVector::from_fn(case.unknowns.len(), |_, _| StandardNormal.sample(&mut random));
-        // A latency of several tenths of a second would leave the log.
-        let z = z.map_with_location(|k, _, v: f64| if k == case.index("latency") { 0.3 * v } else { v });
-        let estimate = case.estimate(&[session(&case.truth(&z), &motion, &mut random, alike)]);
-        for (name, counts) in names.iter().zip(&mut inside) {
-            let k = case.index(name);
-            let off = (estimate.z[k] - z[k]).abs() / estimate.std[k];
-            counts[0] += u32::from(off < 1.0);
-            counts[1] += u32::from(off < 2.0);
-        }
-    }
-    for (name, counts) in names.iter().zip(inside) {
-        for (count, nominal) in counts.into_iter().zip([0.6827, 0.9545]) {
-            let (expected, deviation) = (nominal * samples as f64, (nominal * (1.0 - nominal) * samples as f64).sqrt());
-            assert!((f64::from(count) - expected).abs() < 3.0 * deviation, "{name}: {count} of {samples} inside, expected {expected:.0}");
-        }
-    }
+    virtual_robot::assert_covered(&case, &names, 40, |truth, random| case.estimate(&[session(truth, &motion, random, alike)]));
 }
 
 #[test]

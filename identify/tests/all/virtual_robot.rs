@@ -1,6 +1,7 @@
 //! Robots whose numbers are known, and what cameras would see of them.
 
 use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use raven::camera::Quality;
@@ -99,5 +100,30 @@ impl Case {
                 if unknown.quantity.is_positive() { (value / unknown.prior).ln() } else { value - unknown.prior } / unknown.spread;
         }
         z
+    }
+}
+
+/// Whether the truth of robots drawn from the prior lies within one and two deviations that `estimate` claims as often as it should: three
+/// binomial deviations.
+pub fn assert_covered(case: &Case, names: &[&str], samples: u64, estimate: impl Fn(&Robot, &mut ChaCha8Rng) -> Estimate) {
+    let mut inside = vec![[0_u32; 2]; names.len()];
+    for seed in 0..samples {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let z = DVector::from_fn(case.unknowns.len(), |_, _| StandardNormal.sample(&mut random));
+        // A latency of several tenths of a second would leave the log.
+        let z = z.map_with_location(|k, _, v: f64| if k == case.index("latency") { 0.3 * v } else { v });
+        let estimate = estimate(&case.truth(&z), &mut random);
+        for (name, counts) in names.iter().zip(&mut inside) {
+            let k = case.index(name);
+            let off = (estimate.z[k] - z[k]).abs() / estimate.std[k];
+            counts[0] += u32::from(off < 1.0);
+            counts[1] += u32::from(off < 2.0);
+        }
+    }
+    for (name, counts) in names.iter().zip(inside) {
+        for (count, nominal) in counts.into_iter().zip([0.6827, 0.9545]) {
+            let (expected, deviation) = (nominal * samples as f64, (nominal * (1.0 - nominal) * samples as f64).sqrt());
+            assert!((f64::from(count) - expected).abs() < 3.0 * deviation, "{name}: {count} of {samples} inside, expected {expected:.0}");
+        }
     }
 }
