@@ -51,6 +51,8 @@ pub struct Attribution {
     pub minimum_detectable: Vec<Detectable>,
     /// Probability that there are effects, all of them too small to show.
     pub probability_too_small: f64,
+    /// Probability that the cause is not in the library, and that what is named stands in for it.
+    pub probability_outside: f64,
     /// How far the gap closes.
     pub gap: Vec<Closure>,
     /// What is left over time, before and after the effects; empty without effects.
@@ -244,17 +246,25 @@ fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], odds_unseen: f64) -> f64
     unseen / (1.0 + unseen)
 }
 
+/// Makes room among hypotheses for causes that are not in the library; returns their probability.
+fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word) -> f64 {
+    let outside = if verdict.remains() { prior::OUTSIDE_IF_REMAINS } else { 0.0 };
+    probabilities.iter_mut().for_each(|(_, p)| *p *= 1.0 - outside);
+    outside
+}
+
 /// What hypotheses say, without the gap.
 fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
     let smallest = detectable::smallest(fitter, outcome)?;
     let unseen: Vec<f64> = smallest.iter().map(detectable::Smallest::part_unseen).collect();
     let odds_unseen = prior::odds_unseen(unseen.iter().sum::<f64>() / unseen.len().max(1) as f64);
     let mut probabilities = outcome.probabilities();
-    let probability_too_small = with_unseen(&mut probabilities, odds_unseen);
-    let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
     let named = named(outcome);
-    let mut effects = Vec::new();
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
+    let too_small = with_unseen(&mut probabilities, odds_unseen);
+    let probability_outside = with_outside(&mut probabilities, word);
+    let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
+    let mut effects = Vec::new();
     if let Some(best) = named.filter(|_| word != Word::Unexplained) {
         for &effect in &best.effects {
             let ties = ties::ties(fitter, outcome, best, effect);
@@ -270,7 +280,8 @@ fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
         candidates: candidates(fitter, outcome, &probabilities, &with),
         not_observable: not_observable.map(|(effect, because)| NotObservable { id: effect.id, because: (*because).to_owned() }).collect(),
         minimum_detectable: smallest.iter().map(|smallest| smallest.detectable(fitter)).collect(),
-        probability_too_small,
+        probability_too_small: too_small * (1.0 - probability_outside),
+        probability_outside,
         gap: Vec::new(),
         remaining: Vec::new(),
         remarks: Vec::new(),

@@ -35,6 +35,12 @@ impl Word {
             Self::Unexplained => "unexplained",
         }
     }
+
+    /// Whether something reproducible remains.
+    #[must_use]
+    pub fn remains(self) -> bool {
+        matches!(self, Self::PartlyExplained | Self::Unexplained)
+    }
 }
 
 /// Variance over what was stated beyond which something remains: stated deviations of tips are good to some ten per cent.

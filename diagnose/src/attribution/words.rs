@@ -20,9 +20,11 @@ pub fn sentence(attribution: &Attribution) -> String {
         ),
         Word::Explained => format!("The gap is explained by {}; what is left looks like noise.", causes.join(" and ")),
         Word::PartlyExplained => format!(
-            "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains.",
+            "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains, and what is named may stand in for a \
+             cause that the library does not have (probability {:.2}).",
             causes.join(" and "),
-            100.0 * attribution.misfit_accounted.unwrap_or(0.0)
+            100.0 * attribution.misfit_accounted.unwrap_or(0.0),
+            attribution.probability_outside
         ),
         Word::Unexplained => "There is a gap that nothing in the library accounts for.".to_owned(),
     }
