@@ -6,8 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::leftover::Leftover;
-use crate::evidence::linear::dot;
+use crate::evidence::leftover::{ACCOUNTED, Leftover};
 use crate::evidence::search::Outcome;
 
 /// The verdict in a word.
@@ -43,11 +42,6 @@ impl Word {
     }
 }
 
-/// Variance over what was stated beyond which something remains: stated deviations of tips are good to some ten per cent.
-const REMAINS: f64 = 1.5;
-/// Part of the misfit that effects have to account for.
-const ACCOUNTED: f64 = 0.5;
-
 /// What the best hypothesis comes to.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Judgement {
@@ -59,15 +53,8 @@ pub(super) struct Judgement {
 pub(super) fn judge(fitter: &Fitter, outcome: &Outcome, named: Option<&Hypothesis>) -> Judgement {
     let hypothesis = named.unwrap_or(&outcome.none);
     let leftover = Leftover::of(&hypothesis.residuals, fitter.rows.tip_rows());
-    let remains = leftover.tip.max(leftover.torque.max()) > REMAINS;
-    let misfit = |h: &Hypothesis| {
-        let prior = |&c: &usize| fitter.prior(c, &h.effects).map_or(0.0, |t| (h.u[c] / t).powi(2));
-        let rows = h.residuals.iter().filter(|r| **r != 0.0).count() as f64;
-        let excess = (dot(&h.residuals, &h.residuals) - rows).max(0.0);
-        excess + h.free.iter().map(prior).sum::<f64>()
-    };
-    let accounted = named.map(|best| 1.0 - misfit(best) / misfit(&outcome.none));
-    let word = match (accounted, remains) {
+    let accounted = named.map(|best| fitter.accounted(&outcome.none, best));
+    let word = match (accounted, leftover.remains()) {
         (None, false) => Word::None,
         (None, true) => Word::Unexplained,
         (Some(_), false) => Word::Explained,

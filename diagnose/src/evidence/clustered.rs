@@ -40,13 +40,19 @@ pub fn covariance(columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64
 }
 
 impl Fitter<'_> {
+    /// Rows by blocks of time, tips before torques, where residuals say something.
+    #[must_use]
+    pub fn blocks(&self, residuals: &[f64]) -> Vec<Range<usize>> {
+        let (rows, tip_rows) = (residuals.len(), self.rows.tip_rows());
+        let says = |block: &Range<usize>| residuals[block.clone()].iter().any(|r| *r != 0.0);
+        let blocks = |from: usize, to: usize, length: usize| (from..to).step_by(length).map(move |start| start..(start + length).min(to));
+        blocks(0, tip_rows, TIP_BLOCK).chain(blocks(tip_rows, rows, TORQUE_BLOCK)).filter(says).collect()
+    }
+
     /// Deviations of the free coordinates of a hypothesis: by the stated noise or by what its residuals are like, whichever is larger.
     #[must_use]
     pub fn deviations(&self, hypothesis: &Hypothesis) -> Vec<f64> {
-        let (rows, tip_rows) = (hypothesis.residuals.len(), self.rows.tip_rows());
-        let says = |block: &Range<usize>| hypothesis.residuals[block.clone()].iter().any(|r| *r != 0.0);
-        let blocks = |from: usize, to: usize, length: usize| (from..to).step_by(length).map(move |start| start..(start + length).min(to));
-        let blocks: Vec<_> = blocks(0, tip_rows, TIP_BLOCK).chain(blocks(tip_rows, rows, TORQUE_BLOCK)).filter(says).collect();
+        let blocks = self.blocks(&hypothesis.residuals);
         let columns: Vec<&[f64]> = hypothesis.columns.iter().map(|column| column.as_slice()).collect();
         let precision = self.precision(&hypothesis.free, &hypothesis.effects);
         let clustered = covariance(&columns, &hypothesis.residuals, &precision, &blocks);

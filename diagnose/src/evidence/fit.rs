@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
-use raven::effects::Scale;
+use raven::effects::{Channel, Effect, Scale, Scope, Stage};
 use raven::stats::normal_cdf;
 use rayon::prelude::*;
 
@@ -32,6 +32,18 @@ const PART_MIN: f64 = 1e-4;
 const DAMPING: [f64; 2] = [1e-4, 10.0];
 /// Farthest a number is moved at once, in units of the slab.
 const STEP_MAX: f64 = 1.5;
+
+/// How a fit treats the numbers of how a joint with an effect follows its cable. A joint that is held by friction, swings or floats in slack
+/// has little to do with the settled one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Following {
+    /// By slopes of settled links.
+    Settled,
+    /// Where they are, while the others settle down.
+    Held,
+    /// By slopes of rolled-out links, which take fifty times as long.
+    RolledOut,
+}
 
 /// A column of slopes, shared between hypotheses.
 pub type Column = Arc<Vec<f64>>;
@@ -85,6 +97,20 @@ impl Fitter<'_> {
         (0..self.coordinates.all.len()).filter(|&c| self.prior(c, effects).is_some()).collect()
     }
 
+    /// Whether an effect is about how a joint of `effects` follows its cable.
+    fn follows_as(&self, effect: usize, effects: &[usize]) -> bool {
+        let follows = matches!(self.coordinates.sited[effect].effect.id, "cable-stretch" | "link-coulomb-friction");
+        follows && effects.iter().any(|&e| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect)))
+    }
+
+    /// The joint whose way to follow its cable an effect changes.
+    pub(super) fn followed(&self, effect: usize) -> Option<usize> {
+        let sited = &self.coordinates.sited[effect];
+        let Effect { scope, stage, channels, .. } = sited.effect;
+        let changes = *scope == Scope::Joint && matches!(stage, Stage::Transmission | Stage::Link) && channels.contains(&Channel::Tip);
+        changes.then(|| sited.joint_measured())
+    }
+
     pub(super) fn scale(&self, c: usize) -> Scale {
         let coordinate = self.coordinates.all[c];
         self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale
@@ -96,11 +122,11 @@ impl Fitter<'_> {
         DVector::from_iterator(free.len(), free.iter().filter_map(|&c| self.prior(c, effects)).map(|t| t.powi(-2)))
     }
 
-    /// Slopes of the residuals' negative by coordinates at a point, from settled links.
+    /// Slopes of the residuals' negative by coordinates at a point.
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub fn slopes(&self, u: &[f64], coordinates: &[usize]) -> Result<Vec<Column>> {
+    pub fn slopes(&self, u: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
         let slope = |&c: &usize| {
             let coordinate = self.coordinates.all[c];
             let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
@@ -111,7 +137,7 @@ impl Fitter<'_> {
             let at = |value: f64| {
                 let mut moved = u.to_vec();
                 moved[c] = value;
-                self.rows.residuals(&self.coordinates.settings(&moved), Links::Settled, channels)
+                self.rows.residuals(&self.coordinates.settings(&moved), links, channels)
             };
             // A magnitude has no other side of zero.
             let lowest = if matches!(self.scale(c), Scale::Magnitude(_)) { 0.0 } else { f64::NEG_INFINITY };
@@ -136,6 +162,20 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub fn fit(&self, effects: &[usize], start: &[f64], like: Option<&Hypothesis>) -> Result<Option<Hypothesis>> {
+        self.fit_with(effects, start, like, Following::Settled)
+    }
+
+    /// As [`Self::fit`], with the numbers of how joints with an effect follow their cable treated as `following` says.
+    ///
+    /// # Errors
+    /// As [`Self::fit`].
+    pub fn fit_with(
+        &self,
+        effects: &[usize],
+        start: &[f64],
+        like: Option<&Hypothesis>,
+        following: Following,
+    ) -> Result<Option<Hypothesis>> {
         let mut effects = effects.to_vec();
         effects.sort_unstable();
         let free = self.free(&effects);
@@ -156,24 +196,35 @@ impl Fitter<'_> {
             like.free.iter().position(|&f| f == c).map(|at| (like.columns[at].clone(), like.u[c]))
         };
         let mut columns: Vec<Option<(Column, f64)>> = free.iter().map(borrowed).collect();
+        let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
+        let of_joints = |k: usize| own(k) || self.follows_as(self.coordinates.all[free[k]].effect, &effects);
+        let links_of_joints = if following == Following::RolledOut { Links::RolledOut } else { Links::Settled };
         let mut damping = DAMPING[0];
         let mut information = DMatrix::zeros(0, 0);
         for _ in 0..STEPS_MAX {
-            let stale = |&k: &usize| {
-                let own = effects.contains(&self.coordinates.all[free[k]].effect);
-                columns[k].as_ref().is_none_or(|(_, at)| (u[free[k]] - at).abs() > if own { 0.0 } else { MOVED })
-            };
+            let stale = |&k: &usize| columns[k].as_ref().is_none_or(|(_, at)| (u[free[k]] - at).abs() > if own(k) { 0.0 } else { MOVED });
             let stale: Vec<usize> = (0..free.len()).filter(stale).collect();
-            let coordinates: Vec<usize> = stale.iter().map(|&k| free[k]).collect();
-            for (&k, column) in stale.iter().zip(self.slopes(&u, &coordinates)?) {
-                columns[k] = Some((column, u[free[k]]));
+            for (there, links) in [(false, Links::Settled), (true, links_of_joints)] {
+                let stale: Vec<usize> = stale.iter().copied().filter(|&k| of_joints(k) == there).collect();
+                let coordinates: Vec<usize> = stale.iter().map(|&k| free[k]).collect();
+                for (&k, column) in stale.iter().zip(self.slopes(&u, &coordinates, links)?) {
+                    columns[k] = Some((column, u[free[k]]));
+                }
             }
             let known: Vec<&[f64]> = columns.iter().flatten().map(|(column, _)| column.as_slice()).collect();
             information = gram(&known);
             let score = DVector::from_iterator(free.len(), known.iter().map(|column| dot(column, &residuals)));
             let at = DVector::from_iterator(free.len(), free.iter().map(|&c| u[c]));
-            let gradient = score - precision.component_mul(&at);
-            let curvature = &information + DMatrix::from_diagonal(&precision);
+            let mut gradient = score - precision.component_mul(&at);
+            let mut curvature = &information + DMatrix::from_diagonal(&precision);
+            if following == Following::Held {
+                for k in (0..free.len()).filter(|&k| of_joints(k)) {
+                    gradient[k] = 0.0;
+                    curvature.row_mut(k).fill(0.0);
+                    curvature.column_mut(k).fill(0.0);
+                    curvature[(k, k)] = 1.0;
+                }
+            }
             let Some(newton) = curvature.clone().cholesky() else { return Ok(None) };
             let before = value;
             while 0.5 * gradient.dot(&newton.solve(&gradient)) > PROMISE_MIN.max(PART_MIN * value) && damping < DAMPING[1] {

@@ -13,6 +13,10 @@ use raven::stats::chi_square_quantile;
 use super::fit::{Fitter, Hypothesis, gram};
 use super::linear::{dot, evidence, minimum};
 
+/// Variance over what was stated beyond which something remains: stated deviations of tips are good to some ten per cent.
+const REMAINS: f64 = 1.5;
+/// Part of the misfit that effects have to account for, or they explain nothing.
+pub const ACCOUNTED: f64 = 0.5;
 /// Lengths of blocks: tips at some ten a second, torque samples fifty.
 const TIP_BLOCKS: [usize; 4] = [1, 8, 30, 120];
 const TORQUE_BLOCKS: [usize; 3] = [10, 50, 250];
@@ -44,9 +48,17 @@ impl Leftover {
         Self { tip: inflation(&tips, &TIP_BLOCKS), torque: Vector3::from_fn(|j, _| inflation(&[component(torques, j)], &TORQUE_BLOCKS)) }
     }
 
-    /// Inverse deviation of every row, over what was stated.
-    fn weights(&self, tip_rows: usize, rows: usize) -> Vec<f64> {
-        (0..rows).map(|k| if k < tip_rows { self.tip } else { self.torque[(k - tip_rows) % 3] }.sqrt().recip()).collect()
+    /// Whether something reproducible is left.
+    #[must_use]
+    pub fn remains(&self) -> bool {
+        self.tip.max(self.torque.max()) > REMAINS
+    }
+
+    /// Whitened rows, over deviations that are so much larger.
+    #[must_use]
+    pub fn weighted(&self, rows: &[f64], tip_rows: usize) -> Vec<f64> {
+        let (tip, torque) = (self.tip.sqrt().recip(), self.torque.map(|v| v.sqrt().recip()));
+        rows.iter().enumerate().map(|(k, v)| v * if k < tip_rows { tip } else { torque[(k - tip_rows) % 3] }).collect()
     }
 }
 
@@ -61,14 +73,25 @@ fn inflation(components: &[Vec<f64>], lengths: &[usize]) -> f64 {
 }
 
 impl Fitter<'_> {
+    /// Part of what `none` leaves beyond noise, and strains its tolerances by, that a hypothesis accounts for.
+    #[must_use]
+    pub fn accounted(&self, none: &Hypothesis, hypothesis: &Hypothesis) -> f64 {
+        let misfit = |h: &Hypothesis| {
+            let prior = |&c: &usize| self.prior(c, &h.effects).map_or(0.0, |t| (h.u[c] / t).powi(2));
+            let rows = h.residuals.iter().filter(|r| **r != 0.0).count() as f64;
+            let excess = (dot(&h.residuals, &h.residuals) - rows).max(0.0);
+            excess + h.free.iter().map(prior).sum::<f64>()
+        };
+        1.0 - misfit(hypothesis) / misfit(none)
+    }
+
     /// Evidence of a hypothesis [nat] where variances are `leftover` times the stated ones, by its slopes where it was fitted.
     #[must_use]
     pub fn tempered(&self, hypothesis: &Hypothesis, leftover: &Leftover) -> f64 {
         if *leftover == Leftover::none() {
             return hypothesis.evidence;
         }
-        let weights = leftover.weights(self.rows.tip_rows(), hypothesis.residuals.len());
-        let weighted = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&weights).map(|(v, w)| v * w).collect() };
+        let weighted = |rows: &[f64]| leftover.weighted(rows, self.rows.tip_rows());
         let columns: Vec<Vec<f64>> = hypothesis.columns.iter().map(|column| weighted(column)).collect();
         let residuals = weighted(&hypothesis.residuals);
         let information = gram(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>());

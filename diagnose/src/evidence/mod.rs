@@ -7,6 +7,8 @@ pub mod data;
 pub mod fit;
 pub mod leftover;
 pub mod linear;
+mod lost;
+mod paired;
 pub mod prior;
 pub mod rows;
 pub mod screen;

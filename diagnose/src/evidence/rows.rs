@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Channel, Measure, Model, Shaft, Sited, TipModel, TorqueModel};
-use raven::robot::{Arm, Robot};
+use raven::robot::stiction::stirred_s;
+use raven::robot::{Arm, MotorTrack, Robot};
 
 use super::data::{Data, STRIDE_S, WINDOW_S};
 
@@ -20,6 +21,10 @@ pub(super) const NEAR_REST: f64 = 0.5;
 pub(super) const SLOW: f64 = 10.0;
 /// How many times the dry friction that was assumed makes a difference to that.
 const MORE_FRICTION: f64 = 1.5;
+
+/// Friction at the start, in times what it should be, and the part of a recording that may pass until it no longer matters.
+const MORE_FRICTION_AT_START: f64 = 2.0;
+const SPARED: f64 = 0.1;
 
 /// Recordings of one robot, and how much each residual weighs.
 pub struct Rows<'a> {
@@ -96,13 +101,15 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// If the robot is no arm.
     pub fn new(robot: &'a Robot, cameras: Option<&'a Cameras>, data: &'a [Data]) -> Result<Self> {
+        let arm = robot.arm()?;
         let whiten = |data: &Data| {
+            let from_s = told_from_s(&arm, &data.motors);
             let factor = |s: &raven::effects::Sight| {
-                s.covariance_m2.cholesky().and_then(|c| c.l().try_inverse()).unwrap_or_else(nalgebra::Matrix3::zeros)
+                let factor = s.covariance_m2.cholesky().filter(|_| s.stamp_s >= from_s).and_then(|c| c.l().try_inverse());
+                factor.unwrap_or_else(nalgebra::Matrix3::zeros)
             };
             data.sights.iter().map(factor).collect()
         };
-        let arm = robot.arm()?;
         let torque_weight = data.iter().map(|data| torque_weights(robot, &arm, &data.shafts)).collect();
         Ok(Self { robot, cameras, data, whiten: data.iter().map(whiten).collect(), torque_weight, rubbing: arm })
     }
@@ -216,6 +223,14 @@ impl Observed for Rows<'_> {
         tips.append(&mut torques);
         Ok(tips)
     }
+}
+
+/// When links have come loose from where friction held them before a recording: nobody saw how they came there. Of joints that stay where they
+/// are for longer than the recording can spare, nothing is known but that.
+fn told_from_s(arm: &Arm, motors: &MotorTrack) -> f64 {
+    let (Some(&start_s), Some(&end_s)) = (motors.time_s.first(), motors.time_s.last()) else { return 0.0 };
+    let spared_s = start_s + SPARED * (end_s - start_s);
+    stirred_s(arm, motors, MORE_FRICTION_AT_START).into_iter().flatten().filter(|&at_s| at_s < spared_s).fold(start_s, f64::max)
 }
 
 /// A whitened error of torque, larger where the drive clips: of a command that is clipped the model does not say how large it is, so the

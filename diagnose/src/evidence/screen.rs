@@ -89,7 +89,7 @@ impl Fitter<'_> {
         let unmoved = own.iter().all(|&c| u[c] == base.u[c]);
         let slopes: Vec<Column> = match unmoved.then(|| own.iter().map(|c| base.free.iter().position(|f| f == c)).collect()) {
             Some(Some(at)) => Vec::<usize>::into_iter(at).map(|k| base.columns[k].clone()).collect(),
-            _ => self.slopes(&u, &own)?,
+            _ => self.slopes(&u, &own, Links::Settled)?,
         };
         // Settled links tell by how much the start differs from the point; rolled-out links where the point is.
         let shift = if unmoved {
@@ -166,7 +166,7 @@ impl Fitter<'_> {
     }
 
     /// Where to start looking for an effect: its numbers in units of their slabs.
-    fn starts(&self, effect: usize, base: &[f64]) -> Vec<Vec<f64>> {
+    pub(super) fn starts(&self, effect: usize, base: &[f64]) -> Vec<Vec<f64>> {
         let parameters = self.coordinates.sited[effect].effect.parameters;
         let alone = parameters.len() == 1;
         let shaped = parameters.iter().any(|p| !p.scale.is_size());

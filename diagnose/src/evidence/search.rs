@@ -14,7 +14,9 @@ use rayon::prelude::*;
 use super::coordinates::ABSENT;
 use super::fit::{Fitter, Hypothesis};
 use super::leftover::Leftover;
+use super::paired;
 use super::prior;
+use super::rows::Links;
 use super::screen::Candidate;
 
 /// Most effects.
@@ -57,12 +59,19 @@ impl Outcome {
     /// Probability of every hypothesis looked at, most probable first.
     #[must_use]
     pub fn probabilities(&self) -> Vec<(Vec<usize>, f64)> {
-        let fitted = self.fitted.iter().map(|(effects, (_, evidence))| (effects.clone(), *evidence));
-        let screened = self.screened.iter().filter(|(effects, _)| !self.fitted.contains_key(*effects)).map(|(e, z)| (e.clone(), *z));
-        prior::probabilities(fitted.chain(screened), self.effects)
+        prior::probabilities(self.known().map(|(effects, evidence)| (effects.clone(), evidence)), self.effects)
     }
 
-    fn keep(&mut self, hypothesis: &Hypothesis) {
+    /// Every hypothesis looked at, with its evidence [nat].
+    pub(super) fn known(&self) -> impl Iterator<Item = (&Vec<usize>, f64)> {
+        let screened = self.screened.iter().filter(|(effects, _)| !self.fitted.contains_key(*effects));
+        self.fitted
+            .iter()
+            .map(|(effects, (_, evidence))| (effects, *evidence))
+            .chain(screened.map(|(effects, evidence)| (effects, *evidence)))
+    }
+
+    pub(super) fn keep(&mut self, hypothesis: &Hypothesis) {
         let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |(h, _)| h.evidence);
         if hypothesis.evidence > known {
             self.fitted.insert(hypothesis.effects.clone(), (hypothesis.clone(), hypothesis.evidence));
@@ -97,7 +106,11 @@ impl Fitter<'_> {
     pub fn search(&self, mut each: impl FnMut()) -> Result<Option<Outcome>> {
         let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
         each();
-        self.add_effects(&mut outcome, &nominal, each)?;
+        self.add_effects(&mut outcome, &nominal, &mut each)?;
+        if self.found_again(&mut outcome, &nominal)? {
+            self.add_effects(&mut outcome, &nominal, each)?;
+        }
+        self.temper(&mut outcome);
         Ok(Some(outcome))
     }
 
@@ -128,6 +141,7 @@ impl Fitter<'_> {
             each();
         }
         self.add_effects(&mut outcome, &nominal, each)?;
+        self.temper(&mut outcome);
         Ok(Some(outcome))
     }
 
@@ -162,6 +176,9 @@ impl Fitter<'_> {
             let least = if round == 1 { REFITTED[0] } else { 0 };
             let count = [least, candidates.iter().filter(hopeful).count().clamp(least, REFITTED[1])];
             let Some(mut best) = self.refitted(outcome, candidates, &count, &point)? else { break };
+            if round == 1 && !Leftover::of(&outcome.none.residuals, self.rows.tip_rows()).remains() {
+                best = self.beside_none(outcome, best)?;
+            }
             each();
             if round > 1 && self.better(outcome, &best, &outcome.best) {
                 best = self.reopened(outcome, best)?;
@@ -175,8 +192,17 @@ impl Fitter<'_> {
                 break;
             }
         }
-        self.temper(outcome);
         Ok(())
+    }
+
+    /// The better of `best` and of what is found from the fitted nominal model: where that leaves little, an effect is small, and slopes there
+    /// promise what they can keep.
+    fn beside_none(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
+        let none = outcome.none.clone();
+        let mut hopeful = self.screen(&none, none.evidence)?;
+        hopeful.retain(|c| c.evidence > none.evidence + HOPE_NATS && !outcome.fitted.contains_key(&c.effects));
+        let other = self.refitted(outcome, hopeful, &REPLACEMENTS, &none)?;
+        Ok(other.filter(|other| other.evidence > best.evidence).unwrap_or(best))
     }
 
     /// The nominal model with its slopes, nothing fitted.
@@ -184,14 +210,14 @@ impl Fitter<'_> {
         let u = self.nowhere();
         let residuals = self.exact(&u)?;
         let free = self.free(&[]);
-        let columns = self.slopes(&u, &free)?;
+        let columns = self.slopes(&u, &free, Links::Settled)?;
         let finite = residuals.iter().chain(columns.iter().flat_map(|column| column.iter())).all(|v| v.is_finite());
         let covariance = nalgebra::DMatrix::zeros(free.len(), free.len());
         Ok(finite.then_some(Hypothesis { effects: Vec::new(), u, free, covariance, evidence: f64::NEG_INFINITY, residuals, columns }))
     }
 
     /// Whether a hypothesis is more probable than another when what the richer one leaves counts as noise.
-    fn better(&self, outcome: &Outcome, one: &Hypothesis, other: &Hypothesis) -> bool {
+    pub(super) fn better(&self, outcome: &Outcome, one: &Hypothesis, other: &Hypothesis) -> bool {
         if other.effects.iter().all(|e| one.effects.contains(e)) && !self.is_material(outcome, one, other) {
             return false;
         }
@@ -264,7 +290,16 @@ impl Fitter<'_> {
             let effects: Vec<usize> = hypothesis.effects.iter().copied().filter(|e| e != left_out).collect();
             outcome.fitted.get(&effects).filter(|_| !effects.is_empty())
         };
-        hypothesis.effects.iter().filter_map(without).any(|(poorer, _)| !self.is_material(outcome, hypothesis, poorer))
+        let is_needed = |poorer: &Hypothesis| self.is_material(outcome, hypothesis, poorer) && self.outweighs(outcome, hypothesis, poorer);
+        hypothesis.effects.iter().filter_map(without).any(|(poorer, _)| !is_needed(poorer))
+    }
+
+    /// Whether a hypothesis is more probable than a poorer one when residuals that are alike over time count for what they hold.
+    fn outweighs(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
+        let score = |h: &Hypothesis| self.tempered(h, &outcome.leftover) + prior::log(h.effects.len(), outcome.effects);
+        let [r, others] = [richer, poorer].map(|h| outcome.leftover.weighted(&h.residuals, self.rows.tip_rows()));
+        let [stated, agreed] = paired::ratio(&r, &others, &self.blocks(&richer.residuals));
+        score(richer) - score(poorer) - stated + agreed > 0.0
     }
 
     /// Fits the best candidates, and returns the best of them.

@@ -48,6 +48,19 @@ pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
     played(arm, motor, LOAD_AT_REST_S, STEP_AT_REST_S, &|_| 1.0, &creep)
 }
 
+/// When each joint has moved so far from its start that friction of `times` what it should be no longer keeps it where the past left it [s];
+/// `None` for a joint that never does.
+#[must_use]
+pub fn stirred_s(arm: &Arm, motor: &MotorTrack, times: f64) -> [Option<f64>; 3] {
+    let Some(start) = motor.angle.first().map(|angle| arm.transmission.joint_from_motor(angle)) else { return [None; 3] };
+    let whole = Held::at(arm, &start, &|_| 1.0).half * 2.0 * times;
+    let moved = |angle: &Vector3<f64>| arm.transmission.joint_from_motor(angle) - start;
+    [0, 1, 2].map(|j| {
+        let at = motor.angle.iter().position(|angle| moved(angle)[j].abs() > whole[j])?;
+        motor.time_s.get(at).copied()
+    })
+}
+
 /// Motors behind play: `part` of a joint's friction makes it, and `lagging` says what becomes of a lag at joint `j` with half a play over a
 /// time. The load is weighed every `load_s`; samples closer than `step_s` are left out.
 fn played(
@@ -135,6 +148,22 @@ mod tests {
             crate::stats::rms(&pairs.collect::<Vec<_>>()).unwrap()
         };
         assert!(miss(&free) < 0.2 * miss(&unaided), "{} of {}", miss(&free), miss(&unaided));
+    }
+
+    #[test]
+    fn a_joint_is_stirred_once_it_has_moved_through_its_friction() {
+        let arm = nominal::gold().arm().unwrap();
+        let start = Vector3::new(0.8, 1.5, 0.35);
+        // The elbow rests for a second and then goes at 0.01 rad/s; the others stay.
+        let time_s: Vec<f64> = (0..30_000).map(|k| f64::from(k) * 1e-3).collect();
+        let joint = |t: f64| start + Vector3::y() * 0.01 * (t - 1.0).max(0.0);
+        let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&joint(t))).collect(), time_s };
+        let play = 2.0 * Held::at(&arm, &start, &|_| 1.0).half[1];
+        for times in [1.0, 3.0] {
+            let [shoulder, elbow, insertion] = stirred_s(&arm, &motor, times);
+            approx::assert_relative_eq!(elbow.unwrap(), 1.0 + times * play / 0.01, epsilon = 2e-3);
+            assert!(shoulder.is_none() && insertion.is_none());
+        }
     }
 
     /// An arm whose elbow has a play of 0.1 rad on either side.
