@@ -8,6 +8,7 @@ pub mod bits;
 pub mod centre;
 pub mod colour;
 mod correlated;
+pub mod html;
 pub mod interpolate;
 pub mod learn;
 pub mod lock;
@@ -20,6 +21,7 @@ pub mod pace;
 pub mod patch;
 pub mod perspective;
 pub mod predict;
+pub mod reason;
 mod refine;
 pub mod report;
 pub mod shared;
@@ -40,6 +42,7 @@ use raven::robot::Robot;
 use raven::{Error, Result, files};
 
 use crate::colour::MarkerColour;
+use crate::html::{Album, Page};
 use crate::look::Marker;
 use crate::marker::Centre;
 use crate::predict::Predictor;
@@ -103,6 +106,9 @@ pub struct Track {
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Write a page with verdict, tracks, reasons and pictures of the marker as it was found.
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
     /// Hue of the marker [deg]: 90..150 is green, 340..20 red.
     #[arg(long, value_name = "FROM..TO", default_value = "90..150", value_parser = hue)]
     pub hue: [f64; 2],
@@ -183,8 +189,12 @@ fn track(args: &Track, out: &mut dyn Write) -> Result<Outcome> {
     let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
     let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
     let bar = cli::progress(frames[0] + frames[1], "tracking");
+    let mut album = args.html.as_ref().map(|_| Album::new(colour));
     let counts = batches::for_each(&args.log, &cameras, pair_within_s, |step| {
-        tracker.step(step);
+        let looked = tracker.step(step);
+        if let Some(album) = &mut album {
+            album.add(step, &looked);
+        }
         bar.inc(step.iter().flatten().count() as u64);
     })?;
     bar.finish_and_clear();
@@ -193,7 +203,22 @@ fn track(args: &Track, out: &mut dyn Write) -> Result<Outcome> {
     let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
     let contents =
         output::Contents { tips: &tips.tips, metadata: &metadata, records: &records, robot: &robot_text, cameras: &cameras_text };
-    let report = Report::new(&tips, &records, counts, without_motor, 0.0);
+    let seconds = started.elapsed().as_secs_f64();
+    let report = Report::new(&tips, &records, counts, without_motor, seconds);
+    // A run in which nothing was seen is the one of which pictures are wanted most.
+    if let (Some(path), Some(album)) = (&args.html, album) {
+        let shared = shared::of_tips(&cameras, &tips.tips, &predictor.hard_stop_tip()).filter(|_| report.seen > 0);
+        let recording = args.log.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let page = Page {
+            recording: &recording,
+            report: &report,
+            tips: &tips.tips,
+            records: &records,
+            shared_m2: shared.map(|(covariance, _)| covariance),
+            album,
+        };
+        files::write_atomic(path, html::html(page)?.as_bytes())?;
+    }
     if report.seen == 0 {
         return Err(never_seen(args, &records, counts.undecodable));
     }
