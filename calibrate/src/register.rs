@@ -12,8 +12,7 @@ use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
 use raven::{Error, Result};
-use raven_track::colour::MarkerColour;
-use raven_track::look::Marker;
+use raven_track::appearance::{Appearance, number};
 use raven_track::marker::Centre;
 use serde::Serialize;
 
@@ -51,30 +50,13 @@ pub struct RegisterArgs {
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Hue of the marker [deg]: 90..150 is green, 340..20 red.
-    #[arg(long, value_name = "FROM..TO", default_value = "90..150", value_parser = hue)]
-    pub hue: [f64; 2],
-    /// Radius of the marker [m].
-    #[arg(long, value_name = "M", default_value_t = 0.005, value_parser = radius)]
-    pub marker_radius: f64,
-}
-
-fn within(text: &str, range: std::ops::RangeInclusive<f64>, what: &str) -> Result<f64, String> {
-    let value: f64 = text.trim().parse().map_err(|_| format!("`{text}` is no number"))?;
-    if range.contains(&value) { Ok(value) } else { Err(format!("{value} is not between {} and {} {what}", range.start(), range.end())) }
+    /// What the marker looks like.
+    #[command(flatten)]
+    pub appearance: Appearance,
 }
 
 fn degrees(text: &str) -> Result<f64, String> {
-    within(text, 0.0..=30.0, "deg")
-}
-
-fn radius(text: &str) -> Result<f64, String> {
-    within(text, 5e-4..=0.1, "m; is it in millimetres?")
-}
-
-fn hue(text: &str) -> Result<[f64; 2], String> {
-    let (from, to) = text.split_once("..").ok_or_else(|| format!("`{text}` is no range of degrees such as 90..150"))?;
-    Ok([within(from, 0.0..=360.0, "deg")?, within(to, 0.0..=360.0, "deg")?])
+    number(text, 0.0..=30.0, "deg")
 }
 
 /// The result as scripts read it.
@@ -167,11 +149,7 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     let mount: Mount = args.rotation.parse().map_err(|e| Error::Argument(format!("--rotation: {e}.")))?;
     let robot = Robot::read(&args.robot)?;
     let mut cameras = Cameras::read(&args.cameras)?;
-    let marker = Marker {
-        colour: MarkerColour { hue_deg: args.hue, ..MarkerColour::default() },
-        radius_m: args.marker_radius,
-        centre: Centre::Ball,
-    };
+    let marker = args.appearance.marker(Centre::Ball);
     let stop = hard_stop::register(&args.log, &robot, &cameras, &marker, &mount.base_from_left)?;
     let mut lost = stop.lost;
     let before = Before {
