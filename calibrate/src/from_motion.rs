@@ -161,7 +161,8 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
 }
 
 /// The offset by the epipolar lines of all recordings.
-fn offset(cameras: &Cameras, recordings: &[Moving]) -> Desync {
+#[must_use]
+pub fn offset(cameras: &Cameras, recordings: &[Moving]) -> Desync {
     // Recordings follow one another far apart, so that none shares a block with the next.
     let mut start_s = 0.0;
     let mut all = Vec::new();

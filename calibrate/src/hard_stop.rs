@@ -16,8 +16,7 @@ use raven::robot::{Arm, Robot};
 use raven::{Error, Result};
 use raven_track::batches;
 use raven_track::look::Marker;
-
-use raven_track::marker_position::{Gathered, Place};
+use raven_track::marker_position::{Gathered, Place, the_only};
 
 /// Upper bounds of how far each joint is from where the encoders believe it at the hard stop [rad, rad, m]: the public controller takes its
 /// zero when the motors reach their homing current, with cables stretched by up to this much at the published stiffness.
@@ -63,7 +62,13 @@ pub fn register(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker, r
         }
     })?;
     stop.check(log, gathered.frames())?;
-    let place = the_marker(log, &gathered)?;
+    let place = the_only(log, &gathered.places(), || {
+        format!(
+            "the marker was seen by both cameras at once in none of {} pairs of frames: no two blobs of its colour meet in space with its size. \
+             Check --hue, --min-saturation, --min-value, --marker-radius and that it is visible.",
+            gathered.frames()
+        )
+    })?;
     let translation = stop.tip - rotation * place.point_left;
     let seen = seen_covariance(cameras, &place, rotation);
     Ok(AtHardStop {
@@ -129,34 +134,6 @@ impl<'a> HardStop<'a> {
             ));
         }
         Ok(())
-    }
-}
-
-/// The one place that can be the marker.
-fn the_marker(log: &Path, gathered: &Gathered) -> Result<Place> {
-    let places = gathered.places();
-    let listed = |place: &Place| {
-        let [x, y, z] = (place.point_left * 1e3).into();
-        format!("({x:.0}, {y:.0}, {z:.0}) mm in {} frames", place.frames)
-    };
-    match places.as_slice() {
-        [one] => Ok(one.clone()),
-        [] => Err(Error::file(
-            log,
-            format!(
-                "the marker was seen by both cameras at once in none of {} pairs of frames: no two blobs of its colour meet in space with its \
-                 size. Check --hue, --marker-radius and that it is visible.",
-                gathered.frames()
-            ),
-        )),
-        several => {
-            let list: Vec<String> = several.iter().map(listed).collect();
-            let sentence = format!(
-                "several things of the marker's colour and size are in view, at {} before the left camera. Cover all but the marker.",
-                list.join(" and at ")
-            );
-            Err(Error::file(log, sentence))
-        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Calibrates the two cameras, and registers them to the robot.
 
+pub mod align;
+pub mod anywhere;
 pub mod board;
 pub mod bundle;
 pub mod calibration;
@@ -25,6 +27,7 @@ pub mod page;
 pub mod pairing;
 pub mod pictures;
 pub mod register;
+pub mod registration;
 pub mod saddle;
 pub mod start;
 pub mod stills;

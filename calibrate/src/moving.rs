@@ -18,6 +18,7 @@ use raven_track::stereo::StereoTrack;
 use raven_track::tips;
 use raven_track::tracker::{Record, Tracker};
 
+use crate::align::Glimpse;
 use crate::desync::Seen;
 
 /// How far around a sighting the motion must be known [s]: what the latency may turn out to be.
@@ -97,6 +98,20 @@ impl Moving {
             _ => None,
         };
         (0..stereo.frames()).filter_map(seen).collect()
+    }
+
+    /// Where the left camera saw the marker, and the motors' tips at those times.
+    ///
+    /// # Errors
+    /// If the recording has no motors, or the robot is no arm.
+    pub fn glimpses(&self, robot: &Robot, cameras: &Cameras, right_minus_left_s: f64) -> Result<Vec<Glimpse>> {
+        let predictor = Predictor::new(&self.recording, robot, 0.0)?;
+        let glimpse = |Seen { time_s, both }: Seen| {
+            let point = tips::triangulate(cameras, &both)?;
+            let tip = |latency_s: f64| predictor.tip(self.recording.start.plus_seconds(time_s - latency_s));
+            Glimpse::new(vec![point.point_left], tip)
+        };
+        Ok(self.seen(right_minus_left_s).into_iter().filter_map(glimpse).collect())
     }
 
     /// Sightings in frame 0 and the motors.

@@ -1,6 +1,7 @@
 //! The calibration on one page: HTML without scripts or anything from elsewhere.
 
 use nalgebra::Vector2;
+use raven::plot::page::{document, grid, section, sentences as list};
 use raven::plot::svg::escape;
 
 use crate::board::Board;
@@ -23,7 +24,7 @@ pub fn html(calibration: &Calibration, shots: &[Shot], board: &Board, table: &st
     };
     let body = [
         format!("<header>\n<h1>{heading}</h1>\n</header>\n"),
-        section("What it is worth", "", &list(sentences)),
+        section("What it is worth", "", &list(sentences.iter().map(|s| (s.text.as_str(), s.warning)))),
         section("The numbers", "", &format!("<pre>{}</pre>", escape(table))),
         section(
             "Where the corners were, and how they were missed",
@@ -45,26 +46,7 @@ pub fn html(calibration: &Calibration, shots: &[Shot], board: &Board, table: &st
         ),
     ]
     .concat();
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
-         <title>Calibration of two cameras</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
-    )
-}
-
-fn section(heading: &str, explanation: &str, content: &str) -> String {
-    let explanation = if explanation.is_empty() { String::new() } else { format!("<p>{}</p>\n", escape(explanation)) };
-    format!("<section>\n<h2>{}</h2>\n{explanation}{content}\n</section>\n", escape(heading))
-}
-
-fn list(sentences: &[Sentence]) -> String {
-    let item = |s: &Sentence| format!("<li{}>{}</li>\n", if s.warning { " class=\"warning\"" } else { "" }, escape(&s.text));
-    format!("<ul>\n{}</ul>", sentences.iter().map(item).collect::<String>())
-}
-
-fn grid(figures: impl IntoIterator<Item = (String, String)>) -> String {
-    let one = |(caption, svg): (String, String)| format!("<figure><figcaption>{}</figcaption>{svg}</figure>\n", escape(&caption));
-    format!("<div class=\"grid\">\n{}</div>", figures.into_iter().map(one).collect::<String>())
+    document("Calibration of two cameras", STYLE, &body)
 }
 
 fn misses(calibration: &Calibration) -> String {

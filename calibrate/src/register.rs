@@ -1,33 +1,39 @@
 //! `raven-calibrate register`: where the cameras are in the robot's frame 0.
 //!
 //! The marker at the hard stop gives the place, with the rotation of the mount ([`crate::hard_stop`], the paper's eq. 1). A motion gives the
-//! rotation too, the latency and the offset between the cameras ([`crate::from_motion`]).
+//! rotation too, the latency and the offset between the cameras ([`crate::from_motion`]), from a mount that is known roughly or from nothing
+//! ([`crate::anywhere`]).
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use nalgebra::{Isometry3, Matrix3};
+use nalgebra::Matrix3;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
 use raven::{Error, Result};
-use raven_track::colour::MarkerColour;
+use raven_track::appearance::{Appearance, number};
 use raven_track::look::Marker;
 use raven_track::marker::Centre;
-use serde::Serialize;
 
-use crate::from_motion::{self, Before, FromMotion};
+use crate::anywhere::{self, Found};
+use crate::from_motion::{self, Before};
 use crate::hard_stop::{self, AtHardStop};
 use crate::mount::Mount;
 use crate::moving::Moving;
+use crate::registration::{Report, contradiction};
+
+/// What `--rotation` says where the rotation is to be found out.
+const ESTIMATE: &str = "estimate";
 
 /// Register the cameras to the robot from a recording at the hard stop, and from recordings of motion if there are any.
 ///
 /// Example: raven-calibrate register hardstop.mcap --motion sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o cameras.yaml
 #[derive(Debug, Clone, Args)]
 pub struct RegisterArgs {
-    /// A recording with the robot at its hard stop and the marker in both images.
+    /// A recording with the robot at its hard stop and the marker in both images. With `--rotation estimate` and without `--motion`: the
+    /// moving recording.
     pub log: PathBuf,
     /// Moving recordings: the cameras' turn, their latency and the offset between them are then estimated too, with the robot's own numbers
     /// free.
@@ -39,10 +45,11 @@ pub struct RegisterArgs {
     /// The calibrated cameras.
     #[arg(long, value_name = "FILE")]
     pub cameras: PathBuf,
-    /// How the left camera is mounted: each axis of frame 0 as an axis of the camera (x right, y down, z along the view).
+    /// How the left camera is mounted: each axis of frame 0 as an axis of the camera (x right, y down, z along the view). `estimate`: nobody
+    /// knows; the motion has to tell.
     #[arg(long, value_name = "AXES", default_value = "x0=-y y0=z z0=-x")]
     pub rotation: String,
-    /// How well the mount is set about each axis, one sigma [deg]. By hand and eye it is about a degree.
+    /// How well a given mount is set about each axis, one sigma [deg]. By hand and eye it is about a degree.
     #[arg(long, value_name = "DEG", default_value_t = 1.0, value_parser = degrees)]
     pub rotation_std_deg: f64,
     /// Where to write the registered cameras.
@@ -51,144 +58,42 @@ pub struct RegisterArgs {
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Hue of the marker [deg]: 90..150 is green, 340..20 red.
-    #[arg(long, value_name = "FROM..TO", default_value = "90..150", value_parser = hue)]
-    pub hue: [f64; 2],
-    /// Radius of the marker [m].
-    #[arg(long, value_name = "M", default_value_t = 0.005, value_parser = radius)]
-    pub marker_radius: f64,
-}
-
-fn within(text: &str, range: std::ops::RangeInclusive<f64>, what: &str) -> Result<f64, String> {
-    let value: f64 = text.trim().parse().map_err(|_| format!("`{text}` is no number"))?;
-    if range.contains(&value) { Ok(value) } else { Err(format!("{value} is not between {} and {} {what}", range.start(), range.end())) }
+    /// What the marker looks like.
+    #[command(flatten)]
+    pub appearance: Appearance,
 }
 
 fn degrees(text: &str) -> Result<f64, String> {
-    within(text, 0.0..=30.0, "deg")
+    number(text, 0.0..=30.0, "deg")
 }
-
-fn radius(text: &str) -> Result<f64, String> {
-    within(text, 5e-4..=0.1, "m; is it in millimetres?")
-}
-
-fn hue(text: &str) -> Result<[f64; 2], String> {
-    let (from, to) = text.split_once("..").ok_or_else(|| format!("`{text}` is no range of degrees such as 90..150"))?;
-    Ok([within(from, 0.0..=360.0, "deg")?, within(to, 0.0..=360.0, "deg")?])
-}
-
-/// The result as scripts read it.
-#[derive(Debug, Clone, Serialize)]
-pub struct Report {
-    /// `x_0 = R x_left + t`.
-    pub base_from_left: PoseReport,
-    /// Standard deviation of the tip at the hard stop as the cameras see it [m].
-    pub translation_std_m: [f64; 3],
-    /// Standard deviation of the rotation about each axis of frame 0 [rad].
-    pub rotation_std_rad: [f64; 3],
-    /// By how much images show the past [s]; a robot at rest does not tell.
-    pub latency_s: Option<f64>,
-    /// Standard deviation of the latency [s].
-    pub latency_std_s: Option<f64>,
-    /// What a motion tells beside.
-    pub motion: Option<MotionReport>,
-    /// Marker in the left camera's frame [m].
-    pub marker_left_m: [f64; 3],
-    /// Frames in which the marker was seen.
-    pub frames_seen: usize,
-    /// Pairs of frames at the hard stop.
-    pub frames: usize,
-}
-
-/// What a motion tells.
-#[derive(Debug, Clone, Serialize)]
-pub struct MotionReport {
-    /// How much later than a left image the nearest right one is taken in the first recording, median [s].
-    pub right_minus_left_s: f64,
-    /// Its standard deviation [s].
-    pub right_minus_left_std_s: f64,
-    /// The same by the stamps alone [s].
-    pub stamps_apart_s: f64,
-    /// By how much more a right image shows the past than a left one of the same stamp [s]: the difference.
-    pub right_latency_beyond_left_s: f64,
-    /// Standard deviation of the tip as the cameras see it in the middle of the motion [m].
-    pub workspace_std_m: [f64; 3],
-    /// By how much the motion moves the tip at the hard stop, in frame 0 [m].
-    pub hard_stop_moved_m: [f64; 3],
-    /// The same as joints [rad, rad, m], and its standard deviation if the hard stop were rigid.
-    pub hard_stop_joints: [[f64; 2]; 3],
-    /// What each joint does beyond the model, one sigma [rad, rad, m].
-    pub misfit: [f64; 3],
-    /// The robot's numbers that were estimated along.
-    pub robot: Vec<NumberReport>,
-    /// Sightings of the tip used.
-    pub sightings: usize,
-    /// Left frames of the motion.
-    pub frames: usize,
-}
-
-/// One number of the robot.
-#[derive(Debug, Clone, Serialize)]
-pub struct NumberReport {
-    /// As `raven-identify` names it.
-    pub name: String,
-    /// Value, SI.
-    pub value: f64,
-    /// Standard deviation.
-    pub std: f64,
-    /// Value in the robot file.
-    pub prior: f64,
-}
-
-/// A rotation and a shift.
-#[derive(Debug, Clone, Serialize)]
-pub struct PoseReport {
-    /// Row by row.
-    pub rotation: [f64; 9],
-    /// [m].
-    pub translation: [f64; 3],
-}
-
-/// Deviations by which a motion must contradict the hard stop to be worth a sentence.
-const CONTRADICTS: f64 = 3.0;
 
 /// Runs the command; the result goes to `out`.
 ///
 /// # Errors
 /// A sentence for the user: what is missing, or why the recording does not determine the registration.
 pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
-    if args.rotation.trim() == "estimate" {
-        return Err(Error::Argument(
-            "--rotation estimate is not available: give the mount's rotation, such as 'x0=-y y0=z z0=-x', to within 30 deg, with \
-             --rotation-std-deg, and a moving recording with --motion."
-                .to_owned(),
-        ));
-    }
-    let mount: Mount = args.rotation.parse().map_err(|e| Error::Argument(format!("--rotation: {e}.")))?;
+    let axes = args.rotation.trim();
+    let mount: Option<Mount> = match axes {
+        ESTIMATE => None,
+        axes => Some(axes.parse().map_err(|e| Error::Argument(format!("--rotation: {e}, or `{ESTIMATE}`.")))?),
+    };
     let robot = Robot::read(&args.robot)?;
     let mut cameras = Cameras::read(&args.cameras)?;
-    let marker = Marker {
-        colour: MarkerColour { hue_deg: args.hue, ..MarkerColour::default() },
-        radius_m: args.marker_radius,
-        centre: Centre::Ball,
-    };
-    let stop = hard_stop::register(&args.log, &robot, &cameras, &marker, &mount.base_from_left)?;
-    let mut lost = stop.lost;
-    let before = Before {
-        base_from_left: stop.base_from_left,
-        rotation_std_rad: [args.rotation_std_deg.to_radians(); 3],
-        translation_std_m: deviations(&stop.covariance),
-    };
-    let mut report = report(&stop, &before);
-    cameras.base_from_left = Some(before.base_from_left);
-    if !args.motion.is_empty() {
-        // What these were is found out anew.
+    let marker = args.appearance.marker(Centre::Ball);
+    // What these were is found out anew where something moves.
+    if mount.is_none() || !args.motion.is_empty() {
         (cameras.latency_s, cameras.right_minus_left_s) = (0.0, 0.0);
-        let follow = |log: &PathBuf| Moving::follow(log, &robot, &cameras, marker);
-        let moving: Vec<Moving> = args.motion.iter().map(follow).collect::<Result<_>>()?;
-        lost += moving.iter().map(|moving| moving.lost).sum::<usize>();
+    }
+    let Begun { stop, before, moving } = match &mount {
+        Some(mount) => begin(args, &robot, &cameras, marker, mount)?,
+        None => begin_anywhere(args, &robot, &cameras, marker)?,
+    };
+    let lost = stop.iter().map(|stop| stop.lost).chain(moving.iter().map(|moving| moving.lost)).sum::<usize>();
+    let mut report = Report::new(stop.as_ref(), &before);
+    cameras.base_from_left = Some(before.base_from_left);
+    if !moving.is_empty() {
         let found = from_motion::register(&robot, &cameras, &before, &moving)?;
-        report.take(&found, motion_report(&robot, &stop, &found, &moving)?, &stop);
+        report.take(&robot, stop.as_ref(), &found, &moving)?;
         cameras.base_from_left = Some(found.base_from_left);
         (cameras.latency_s, cameras.right_minus_left_s) = (found.latency_s[0], found.right_minus_left_s[0]);
         cameras.quality.latency_std_s = Some(found.latency_s[1]);
@@ -202,7 +107,8 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(output) = &args.output {
         cameras.write(output)?;
     }
-    out.write_all(text(&report, &stop, args).as_bytes()).map_err(|e| Error::io(Path::new("-"), "write", e))?;
+    let text = report.text(&robot, mount.as_ref().map(|mount| (axes, mount)), args.rotation_std_deg);
+    out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("-"), "write", e))?;
     report.motion.iter().filter_map(|motion| contradiction(motion, &robot)).for_each(|sentence| cli::warn(&sentence));
     if let Some(json) = &args.json {
         cli::write_json(json, &report)?;
@@ -210,119 +116,43 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     Ok(if lost > 0 { Outcome::DataLost } else { Outcome::Done })
 }
 
+/// What is known when the motion is to be taken in.
+struct Begun {
+    stop: Option<AtHardStop>,
+    before: Before,
+    moving: Vec<Moving>,
+}
+
+/// By the mount's rotation and the hard stop.
+fn begin(args: &RegisterArgs, robot: &Robot, cameras: &Cameras, marker: Marker, mount: &Mount) -> Result<Begun> {
+    let stop = hard_stop::register(&args.log, robot, cameras, &marker, &mount.base_from_left)?;
+    let before = Before {
+        base_from_left: stop.base_from_left,
+        rotation_std_rad: [args.rotation_std_deg.to_radians(); 3],
+        translation_std_m: deviations(&stop.covariance),
+    };
+    let cameras = Cameras { base_from_left: Some(before.base_from_left), ..cameras.clone() };
+    let moving = args.motion.iter().map(|log| Moving::follow(log, robot, &cameras, marker)).collect::<Result<_>>()?;
+    Ok(Begun { stop: Some(stop), before, moving })
+}
+
+/// By the motion alone, and the hard stop where there is a recording of its own.
+fn begin_anywhere(args: &RegisterArgs, robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Begun> {
+    let (motion, stop) = match args.motion.as_slice() {
+        [] => (std::slice::from_ref(&args.log), None),
+        motion => (motion, Some(&args.log)),
+    };
+    let Found { moving, aligned } = anywhere::find(motion, robot, cameras, marker)?;
+    let turn = aligned.base_from_left.rotation.to_rotation_matrix();
+    let stop = stop.map(|log| hard_stop::register(log, robot, cameras, &marker, &turn)).transpose()?;
+    let before = Before {
+        base_from_left: stop.as_ref().map_or(aligned.base_from_left, |stop| stop.base_from_left),
+        rotation_std_rad: [anywhere::ROTATION_STD_RAD; 3],
+        translation_std_m: stop.as_ref().map_or([anywhere::TRANSLATION_STD_M; 3], |stop| deviations(&stop.covariance)),
+    };
+    Ok(Begun { stop, before, moving })
+}
+
 fn deviations(covariance: &Matrix3<f64>) -> [f64; 3] {
     [0, 1, 2].map(|i| covariance[(i, i)].sqrt())
-}
-
-fn report(stop: &AtHardStop, before: &Before) -> Report {
-    Report {
-        base_from_left: PoseReport::of(&before.base_from_left),
-        translation_std_m: before.translation_std_m,
-        rotation_std_rad: before.rotation_std_rad,
-        latency_s: None,
-        latency_std_s: None,
-        motion: None,
-        marker_left_m: stop.place.point_left.into(),
-        frames_seen: stop.place.frames,
-        frames: stop.frames,
-    }
-}
-
-impl PoseReport {
-    fn of(pose: &Isometry3<f64>) -> Self {
-        let rotation = pose.rotation.to_rotation_matrix();
-        Self { rotation: std::array::from_fn(|i| rotation[(i / 3, i % 3)]), translation: pose.translation.vector.into() }
-    }
-}
-
-impl Report {
-    fn take(&mut self, found: &FromMotion, motion: MotionReport, stop: &AtHardStop) {
-        self.base_from_left = PoseReport::of(&found.base_from_left);
-        self.translation_std_m = found.std_at(&stop.tip, &stop.tip);
-        self.rotation_std_rad = found.rotation_std_rad();
-        (self.latency_s, self.latency_std_s) = (Some(found.latency_s[0]), Some(found.latency_s[1]));
-        self.motion = Some(motion);
-    }
-}
-
-fn motion_report(robot: &Robot, stop: &AtHardStop, found: &FromMotion, moving: &[Moving]) -> Result<MotionReport> {
-    let arm = robot.arm()?;
-    let into_joints = arm.kinematics.jacobian(&arm.hard_stop).try_inverse().unwrap_or_else(Matrix3::zeros);
-    let moved = into_joints * found.moved_m;
-    let covariance = into_joints * (stop.covariance_rigid + found.covariance.fixed_view::<3, 3>(3, 3)) * into_joints.transpose();
-    let number =
-        |(name, value, std, prior): &(String, f64, f64, f64)| NumberReport { name: name.clone(), value: *value, std: *std, prior: *prior };
-    let stamps_apart_s = moving.first().map_or(f64::NAN, Moving::stamps_apart_s);
-    Ok(MotionReport {
-        right_minus_left_s: stamps_apart_s - found.right_minus_left_s[0],
-        stamps_apart_s,
-        right_latency_beyond_left_s: found.right_minus_left_s[0],
-        right_minus_left_std_s: found.right_minus_left_s[1],
-        workspace_std_m: found.std_at(&found.middle_m, &stop.tip),
-        hard_stop_moved_m: found.moved_m.into(),
-        hard_stop_joints: [0, 1, 2].map(|j| [moved[j], covariance[(j, j)].sqrt()]),
-        misfit: found.misfit.into(),
-        robot: found.robot.iter().map(number).collect(),
-        sightings: found.sightings,
-        frames: moving.iter().map(|moving| moving.frames).sum(),
-    })
-}
-
-/// A sentence, if the motion puts the tip at the hard stop elsewhere than a rigid stop allows.
-fn contradiction(motion: &MotionReport, robot: &Robot) -> Option<String> {
-    let shown = |(j, [moved, std]): (usize, &[f64; 2])| {
-        let joint = robot.joints.get(j).filter(|_| moved.abs() > CONTRADICTS * std)?;
-        let (scale, unit) = if j == 2 { (1e3, "mm") } else { (180.0 / std::f64::consts::PI, "deg") };
-        Some(format!("{} by {:.2} {unit} +- {:.2}", joint.name, scale * moved, scale * std))
-    };
-    let all: Vec<String> = motion.hard_stop_joints.iter().enumerate().filter_map(shown).collect();
-    (!all.is_empty()).then(|| {
-        format!(
-            "hard stop and motion disagree: seen from the motion, the hard stop is off in {}. A stop that gives way or cables that homing \
-             stretches do that; the motion is believed.",
-            all.join(" and ")
-        )
-    })
-}
-
-fn text(report: &Report, stop: &AtHardStop, args: &RegisterArgs) -> String {
-    let row = |values: [f64; 3], scale: f64, digits: usize| values.map(|x| format!("{:.digits$}", scale * x)).join(", ");
-    let mut text = format!(
-        "marker seen in {} of {} pairs of frames at ({}) mm before the left camera\n\
-         tip at the hard stop   ({}) mm in frame 0\n\
-         base_from_left: t      ({}) mm, one sigma ({}) mm with the rotation as it is\n",
-        report.frames_seen,
-        report.frames,
-        row(report.marker_left_m, 1e3, 2),
-        row(stop.tip.into(), 1e3, 2),
-        row(report.base_from_left.translation, 1e3, 2),
-        row(report.translation_std_m, 1e3, 2),
-    );
-    let Some(motion) = &report.motion else {
-        text += &format!("rotation {}, one sigma {} deg about the tip at the hard stop\n", args.rotation.trim(), args.rotation_std_deg);
-        return text;
-    };
-    let of_mount = args.rotation.parse::<Mount>().map(|mount| mount.base_from_left).unwrap_or_default();
-    let turned = (nalgebra::Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(&report.base_from_left.rotation))
-        * of_mount.inverse())
-    .scaled_axis();
-    let degrees = 180.0 / std::f64::consts::PI;
-    text += &format!(
-        "rotation               {} and ({}) deg about the axes of frame 0, one sigma ({}) deg\n\
-         seen in the motion     in {} of {} frames; one sigma of the tip in its middle ({}) mm\n\
-         latency                {:.2} +- {:.2} ms\n\
-         right minus left       {:.2} ms by the stamps, {:.2} +- {:.2} ms in truth\n",
-        args.rotation.trim(),
-        row(turned.into(), degrees, 3),
-        row(report.rotation_std_rad, degrees, 3),
-        motion.sightings,
-        motion.frames,
-        row(motion.workspace_std_m, 1e3, 2),
-        1e3 * report.latency_s.unwrap_or(f64::NAN),
-        1e3 * report.latency_std_s.unwrap_or(f64::NAN),
-        1e3 * motion.stamps_apart_s,
-        1e3 * motion.right_minus_left_s,
-        1e3 * motion.right_minus_left_std_s,
-    );
-    text
 }

@@ -2,6 +2,7 @@
 
 mod boxes;
 mod histogram;
+pub mod page;
 pub mod svg;
 
 pub use boxes::{Boxes, Spread, boxes};

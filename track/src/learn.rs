@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::colour::{MarkerColour, hsv};
 use crate::look::Marker;
 use crate::marker::Centre;
-use crate::marker_position::{Gathered, Place};
+use crate::marker_position::{Gathered, Place, the_only};
 use crate::{Colour, batches};
 
 /// Width of a sector and from one to the next [deg]: every colour is well within one of them.
@@ -67,7 +67,7 @@ pub struct Learned {
 /// # Errors
 /// If nothing or more than one thing in view can be the marker.
 pub fn run(args: &Colour, out: &mut dyn Write) -> Result<Outcome> {
-    let learned = learn(&args.log, &Cameras::read(&args.cameras)?, args.marker_radius)?;
+    let learned = learn(&args.log, &Cameras::read(&args.cameras)?, args.size.marker_radius_m)?;
     let Learned { hue_deg: [from, to], min_saturation, min_value, marker_left_m: [x, y, z], pairs_seen, pairs, share_around } = &learned;
     let text = format!(
         "colour              hue {from:.0} to {to:.0} deg, saturation at least {min_saturation:.2}, value at least {min_value:.2}\n\
@@ -107,7 +107,14 @@ pub fn learn(log: &Path, cameras: &Cameras, radius_m: f64) -> Result<Learned> {
         })
         .filter(|place| place.frames as f64 >= LEAST_SHARE * pairs.len() as f64)
         .collect();
-    let place = the_one(log, seen, pairs.len(), radius_m)?;
+    let place = the_only(log, &distinct(seen), || {
+        format!(
+            "no coloured ball of {:.1} mm radius rests in view of both cameras in half of {} pairs of frames. Check --marker-radius and the \
+             cameras file, and that the marker is lit and in view.",
+            1e3 * radius_m,
+            pairs.len()
+        )
+    })?;
     let Some((colour, share_around)) = colour_at(&pairs, cameras, &place, radius_m) else {
         return Err(Error::file(log, "the marker is too small in the images to tell its colour; move the cameras nearer."));
     };
@@ -141,8 +148,8 @@ fn first_pairs(log: &Path, cameras: &Cameras) -> Result<Vec<[RgbImage; 2]>> {
     Ok(pairs)
 }
 
-/// The place of which the sectors agree.
-fn the_one(log: &Path, mut seen: Vec<Place>, pairs: usize, radius_m: f64) -> Result<Place> {
+/// The places that the sectors agree on, the most seen first.
+fn distinct(mut seen: Vec<Place>) -> Vec<Place> {
     seen.sort_by_key(|place| std::cmp::Reverse(place.frames));
     let mut places: Vec<Place> = Vec::new();
     for place in seen {
@@ -151,31 +158,7 @@ fn the_one(log: &Path, mut seen: Vec<Place>, pairs: usize, radius_m: f64) -> Res
             places.push(place);
         }
     }
-    let listed = |place: &Place| {
-        let [x, y, z] = (place.point_left * 1e3).into();
-        format!("({x:.0}, {y:.0}, {z:.0}) mm")
-    };
-    match places.as_slice() {
-        [one] => Ok(one.clone()),
-        [] => Err(Error::file(
-            log,
-            format!(
-                "no coloured ball of {:.1} mm radius rests in view of both cameras in half of {pairs} pairs of frames. Check --marker-radius \
-                 and the cameras file, and that the marker is lit and in view.",
-                1e3 * radius_m
-            ),
-        )),
-        several => {
-            let list: Vec<String> = several.iter().map(listed).collect();
-            Err(Error::file(
-                log,
-                format!(
-                    "several balls of the marker's size are in view, at {} before the left camera. Cover all but the marker.",
-                    list.join(" and at ")
-                ),
-            ))
-        }
-    }
+    places
 }
 
 /// Hue [deg], saturation and value of a pixel.

@@ -3,11 +3,13 @@
 //! Each frame is searched around where the robot's own kinematics put the marker, a ball is fitted to what is found there, the cameras are
 //! brought to one time, and the tip comes with a covariance and a status.
 
+pub mod appearance;
 pub mod batches;
 pub mod bits;
 pub mod centre;
 pub mod colour;
 mod correlated;
+pub mod html;
 pub mod interpolate;
 pub mod learn;
 pub mod lock;
@@ -20,6 +22,7 @@ pub mod pace;
 pub mod patch;
 pub mod perspective;
 pub mod predict;
+pub mod reason;
 mod refine;
 pub mod report;
 pub mod shared;
@@ -39,8 +42,8 @@ use raven::log::{MotorSource, Recording, Side, topics};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
-use crate::colour::MarkerColour;
-use crate::look::Marker;
+use crate::appearance::{Appearance, Size, number};
+use crate::html::{Album, Page};
 use crate::marker::Centre;
 use crate::predict::Predictor;
 use crate::report::Report;
@@ -61,6 +64,9 @@ pub struct Args {
     /// Tracking.
     #[command(flatten)]
     pub track: Option<Track>,
+    /// What the marker looks like.
+    #[command(flatten)]
+    pub appearance: Appearance,
 }
 
 /// What else the program does.
@@ -78,9 +84,9 @@ pub struct Colour {
     /// The calibrated cameras.
     #[arg(long, value_name = "FILE")]
     pub cameras: PathBuf,
-    /// Radius of the marker [m].
-    #[arg(long, value_name = "M", default_value_t = 0.005, value_parser = radius)]
-    pub marker_radius: f64,
+    /// The marker's size.
+    #[command(flatten)]
+    pub size: Size,
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -103,18 +109,9 @@ pub struct Track {
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Hue of the marker [deg]: 90..150 is green, 340..20 red.
-    #[arg(long, value_name = "FROM..TO", default_value = "90..150", value_parser = hue)]
-    pub hue: [f64; 2],
-    /// Least saturation of the marker, 0 to 1.
-    #[arg(long, value_name = "S", default_value_t = MarkerColour::default().min_saturation, value_parser = share)]
-    pub min_saturation: f64,
-    /// Least brightness of the marker, 0 to 1.
-    #[arg(long, value_name = "V", default_value_t = MarkerColour::default().min_value, value_parser = share)]
-    pub min_value: f64,
-    /// Radius of the marker [m].
-    #[arg(long, value_name = "M", default_value_t = 0.005, value_parser = radius)]
-    pub marker_radius: f64,
+    /// Write a page with verdict, tracks, reasons and pictures of the marker as it was found.
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
     /// Which centre to take: of a ball fitted to the colours, or of the contour.
     #[arg(long, value_enum, default_value_t = Centre::Ball)]
     pub centre: Centre,
@@ -125,24 +122,6 @@ pub struct Track {
     /// them.
     #[arg(long, value_name = "S", value_parser = jitter)]
     pub stamp_jitter: Option<f64>,
-}
-
-fn number(text: &str, range: std::ops::RangeInclusive<f64>, what: &str) -> Result<f64, String> {
-    let value: f64 = text.trim().parse().map_err(|_| format!("`{text}` is no number"))?;
-    if range.contains(&value) { Ok(value) } else { Err(format!("{value} is not between {} and {} {what}", range.start(), range.end())) }
-}
-
-fn hue(text: &str) -> Result<[f64; 2], String> {
-    let (from, to) = text.split_once("..").ok_or_else(|| format!("`{text}` is no range of degrees such as 90..150"))?;
-    Ok([number(from, 0.0..=360.0, "deg")?, number(to, 0.0..=360.0, "deg")?])
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1.0, "")
-}
-
-fn radius(text: &str) -> Result<f64, String> {
-    number(text, 5e-4..=0.1, "m; is it in millimetres?")
 }
 
 fn jitter(text: &str) -> Result<f64, String> {
@@ -156,12 +135,12 @@ fn jitter(text: &str) -> Result<f64, String> {
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match (args.command, args.track) {
         (Some(Command::Colour(colour)), _) => learn::run(&colour, out),
-        (None, Some(track)) => self::track(&track, out),
+        (None, Some(track)) => self::track(&track, &args.appearance, out),
         (None, None) => Err(Error::Data("name a recording to track; see `raven-track --help`.".to_owned())),
     }
 }
 
-fn track(args: &Track, out: &mut dyn Write) -> Result<Outcome> {
+fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
     let robot_text = files::read_text(&args.robot)?;
     let robot = Robot::parse(&args.robot, &robot_text)?;
@@ -177,14 +156,16 @@ fn track(args: &Track, out: &mut dyn Write) -> Result<Outcome> {
     let predictor = Predictor::new(&recording, &robot, cameras.latency_s)?;
     let frames = frames_of_both(&recording)?;
 
-    let colour = MarkerColour { hue_deg: args.hue, min_saturation: args.min_saturation, min_value: args.min_value };
-    let centre = if args.refine { Centre::Refined } else { args.centre };
-    let marker = Marker { colour, radius_m: args.marker_radius, centre };
+    let marker = appearance.marker(if args.refine { Centre::Refined } else { args.centre });
     let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
     let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
     let bar = cli::progress(frames[0] + frames[1], "tracking");
+    let mut album = args.html.as_ref().map(|_| Album::new(marker.colour));
     let counts = batches::for_each(&args.log, &cameras, pair_within_s, |step| {
-        tracker.step(step);
+        let looked = tracker.step(step);
+        if let Some(album) = &mut album {
+            album.add(step, &looked);
+        }
         bar.inc(step.iter().flatten().count() as u64);
     })?;
     bar.finish_and_clear();
@@ -193,9 +174,24 @@ fn track(args: &Track, out: &mut dyn Write) -> Result<Outcome> {
     let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
     let contents =
         output::Contents { tips: &tips.tips, metadata: &metadata, records: &records, robot: &robot_text, cameras: &cameras_text };
-    let report = Report::new(&tips, &records, counts, without_motor, 0.0);
+    let seconds = started.elapsed().as_secs_f64();
+    let report = Report::new(&tips, &records, counts, without_motor, seconds);
+    // A run in which nothing was seen is the one of which pictures are wanted most.
+    if let (Some(path), Some(album)) = (&args.html, album) {
+        let shared = shared::of_tips(&cameras, &tips.tips, &predictor.hard_stop_tip()).filter(|_| report.seen > 0);
+        let recording = args.log.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let page = Page {
+            recording: &recording,
+            report: &report,
+            tips: &tips.tips,
+            records: &records,
+            shared_m2: shared.map(|(covariance, _)| covariance),
+            album,
+        };
+        files::write_atomic(path, html::html(page)?.as_bytes())?;
+    }
     if report.seen == 0 {
-        return Err(never_seen(args, &records, counts.undecodable));
+        return Err(never_seen(args, appearance, &records, counts.undecodable));
     }
     output::write(&args.log, &args.output, contents)?;
     let seconds = started.elapsed().as_secs_f64();
@@ -223,26 +219,23 @@ fn frames_of_both(recording: &Recording) -> Result<[u64; 2]> {
     Ok([count(Side::Left)?, count(Side::Right)?])
 }
 
-fn never_seen(args: &Track, records: &[Vec<Record>; 2], undecodable: usize) -> Error {
+fn never_seen(args: &Track, appearance: &Appearance, records: &[Vec<Record>; 2], undecodable: usize) -> Error {
     let of = |records: &[Record]| {
         let found = records.iter().filter(|r| !matches!(r.sighting, Sighting::Hidden)).count();
         format!("{found} of {}", records.len())
     };
-    let [from, to] = args.hue;
     Error::file(
         &args.log,
         format!(
             "the marker was never seen by both cameras at once where the robot can have it. A blob of its colour and size was found in {} left \
-             and {} right frames; {undecodable} could not be decoded. Check the colour (--hue {from}..{to}, --min-saturation {}, --min-value \
-             {}), the radius (--marker-radius {}), and the registration in {}.",
+             and {} right frames; {undecodable} could not be decoded. Check the marker's looks ({}), and the registration in {}.",
             of(&records[0]),
             of(&records[1]),
-            args.min_saturation,
-            args.min_value,
-            args.marker_radius,
+            appearance.options(),
             args.cameras.display()
         ),
     )
 }
+
 #[cfg(test)]
 mod tests;

@@ -46,6 +46,17 @@ pub struct Candidate {
     pub share: f64,
 }
 
+/// What a search found in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// Blobs that may be the marker, the largest first.
+    pub candidates: Vec<Candidate>,
+    /// Blobs of the marker's colour, whatever their size and shape.
+    pub blobs: usize,
+    /// Where they were looked for.
+    pub region: Region,
+}
+
 /// One camera's search from frame to frame.
 #[derive(Debug, Clone)]
 pub struct Search {
@@ -63,10 +74,9 @@ impl Search {
         Self { camera, marker, side_px: FIRST_REGION_PX, size: Size::default() }
     }
 
-    /// Candidates around the expected place, the largest first. Where a blob reaches over the edge of the region, a region twice as wide
-    /// is searched.
+    /// Looks around the expected place. Where a blob reaches over the edge of the region, a region twice as wide is searched.
     #[must_use]
-    pub fn look(&self, image: &RgbImage, expected: &View) -> Vec<Candidate> {
+    pub fn look(&self, image: &RgbImage, expected: &View) -> Found {
         let radius_px = self.marker.radius_m * expected.px_per_m;
         let mut side = self.side_px.max(REGION_RADII * radius_px);
         loop {
@@ -74,7 +84,7 @@ impl Search {
             let blobs = Blobs::find(image, Some(region), &self.marker.colour);
             let candidates: Vec<Candidate> = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, radius_px)).collect();
             if !candidates.is_empty() || side >= self.largest_px() || !blobs.found.iter().any(|blob| blob.cut_off) {
-                return candidates;
+                return Found { candidates, blobs: blobs.found.len(), region };
             }
             side *= 2.0;
         }

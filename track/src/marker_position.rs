@@ -4,14 +4,18 @@
 //! at that distance. Something else of that colour far away fails the second test: it has next to no disparity. Candidates of all frames
 //! are gathered by place; if more than one place remains, the recording does not say which is the marker.
 
-use crate::centre::Ball;
-use crate::look::Marker;
-use crate::marker::Blobs;
-use crate::perspective::ball_centre;
+use std::path::Path;
+
 use image::RgbImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use raven::camera::{Cameras, Pinhole};
 use raven::stats::{median, robust_std};
+use raven::{Error, Result};
+
+use crate::centre::Ball;
+use crate::look::Marker;
+use crate::marker::Blobs;
+use crate::perspective::ball_centre;
 
 /// A place where the marker may be, in the left camera's frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,12 +59,8 @@ const LEAST_SHARE: f64 = 0.3;
 impl Gathered {
     /// Adds the candidates of a pair of frames.
     pub fn add(&mut self, cameras: &Cameras, marker: &Marker, images: [&RgbImage; 2]) {
-        let discs = [discs(images[0], &cameras.left, marker), discs(images[1], &cameras.right, marker)];
         self.frames += 1;
-        let mut points: Vec<(f64, Vector3<f64>)> = Vec::new();
-        for left in &discs[0] {
-            points.extend(discs[1].iter().filter_map(|right| candidate(cameras, marker, left, right)));
-        }
+        let mut points = candidates(cameras, marker, images, 0.0);
         // A place gets one candidate per frame, the best.
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut taken: Vec<usize> = Vec::new();
@@ -94,6 +94,39 @@ impl Gathered {
     }
 }
 
+/// Chi-square and place, in the left camera's frame [m], of all that can be the marker in a pair of images.
+///
+/// `slack_px` is how far the marker may have moved between two images that were not taken at one time.
+#[must_use]
+pub fn candidates(cameras: &Cameras, marker: &Marker, images: [&RgbImage; 2], slack_px: f64) -> Vec<(f64, Vector3<f64>)> {
+    let [left, right] = [(images[0], &cameras.left), (images[1], &cameras.right)].map(|(image, camera)| discs(image, camera, marker));
+    let slack = slack_px * slack_px / LARGEST_CHI2;
+    left.iter().flat_map(|left| right.iter().filter_map(move |right| candidate(cameras, marker, [left, right], slack))).collect()
+}
+
+/// The one place that can be the marker.
+///
+/// # Errors
+/// A sentence if there are several, or with `none` if there is none.
+pub fn the_only(log: &Path, places: &[Place], none: impl FnOnce() -> String) -> Result<Place> {
+    let listed = |place: &Place| {
+        let [x, y, z] = (place.point_left * 1e3).into();
+        format!("({x:.0}, {y:.0}, {z:.0}) mm in {} frames", place.frames)
+    };
+    match places {
+        [one] => Ok(one.clone()),
+        [] => Err(Error::file(log, none())),
+        several => {
+            let list: Vec<String> = several.iter().map(listed).collect();
+            let list = list.join(" and at ");
+            let sentence = format!(
+                "several balls of the marker's colour and size are in view, at {list} before the left camera. Cover all but the marker."
+            );
+            Err(Error::file(log, sentence))
+        }
+    }
+}
+
 fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
     let blobs = Blobs::find(image, None, &marker.colour);
     let round = blobs.found.iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
@@ -105,9 +138,9 @@ fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
     round.map(|blob| disc(blobs.centre(blob, marker.centre))).collect()
 }
 
-/// Chi-square and place of two discs, if they can be the marker.
-fn candidate(cameras: &Cameras, marker: &Marker, left: &Disc, right: &Disc) -> Option<(f64, Vector3<f64>)> {
-    let noise = [left, right].map(|d| Matrix2::identity() * (d.std_px * d.std_px));
+/// Chi-square and place of two discs, if they can be the marker; `slack` is added to the variance of their centres [px^2].
+fn candidate(cameras: &Cameras, marker: &Marker, [left, right]: [&Disc; 2], slack: f64) -> Option<(f64, Vector3<f64>)> {
+    let noise = [left, right].map(|d| Matrix2::identity() * (d.std_px * d.std_px + 0.5 * slack));
     let seen = cameras.triangulate(&[left.centre_px, right.centre_px], &noise)?;
     let fits = |disc: &Disc, camera: &Pinhole, depth: f64| {
         let ratio = disc.radius_px * depth / (marker.radius_m * (camera.fx * camera.fy).sqrt());

@@ -36,15 +36,21 @@ pub fn covariance(cameras: &Cameras, tip_m: &Vector3<f64>, hard_stop_m: &Vector3
     Some(pose + deeper * deeper.transpose() + larger * larger.transpose())
 }
 
+/// The covariance that all tips of a log share [m^2], at the mean of those that were seen, and that mean [m].
+#[must_use]
+pub fn of_tips(cameras: &Cameras, tips: &[TipObservation], hard_stop_m: &Vector3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
+    let seen: Vec<Vector3<f64>> = tips.iter().filter(|tip| tip.status == TipStatus::Seen).map(|tip| tip.position_m).collect();
+    let middle = seen.iter().sum::<Vector3<f64>>() / seen.len().max(1) as f64;
+    Some((covariance(cameras, &middle, hard_stop_m)?, middle))
+}
+
 /// What a log says about its tips beside each one's covariance, as metadata.
 #[must_use]
 pub fn metadata(cameras: &Cameras, tips: &[TipObservation], hard_stop_m: &Vector3<f64>) -> BTreeMap<String, String> {
     let mut pairs = BTreeMap::new();
     let mut put = |key: &str, value: String| pairs.insert(key.to_owned(), value);
     put("covariance", "per observation: centres and times of frames; not what all observations share".to_owned());
-    let seen: Vec<Vector3<f64>> = tips.iter().filter(|tip| tip.status == TipStatus::Seen).map(|tip| tip.position_m).collect();
-    let middle = seen.iter().sum::<Vector3<f64>>() / seen.len().max(1) as f64;
-    if let Some(shared) = covariance(cameras, &middle, hard_stop_m) {
+    if let Some((shared, middle)) = of_tips(cameras, tips, hard_stop_m) {
         let numbers: Vec<String> = shared.iter().map(|v| format!("{v:.6e}")).collect();
         put("shared_covariance_m2", numbers.join(" "));
         put("shared_covariance_at_m", middle.iter().map(|v| format!("{v:.6}")).collect::<Vec<_>>().join(" "));

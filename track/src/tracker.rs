@@ -10,8 +10,10 @@ use raven::camera::Cameras;
 use raven::log::{Side, Stamp};
 
 use crate::lock::Lock;
-use crate::look::{Candidate, Marker, Search};
+use crate::look::{Candidate, Found, Marker, Search};
+use crate::marker::Region;
 use crate::predict::{Predictor, View, view};
+use crate::reason::Reason;
 
 /// Standard deviation of what calibration leaves between the cameras [px].
 pub const CALIBRATION_STD_PX: f64 = 0.5;
@@ -49,6 +51,17 @@ pub struct Record {
     pub sighting: Sighting,
 }
 
+/// What one frame was asked, and what it answered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Looked {
+    /// What became of the marker.
+    pub sighting: Sighting,
+    /// Why.
+    pub reason: Reason,
+    /// Where the marker was expected [px], and the region that was searched for it; `None` if the frame was not searched.
+    pub searched: Option<(Vector2<f64>, Region)>,
+}
+
 /// Follows the marker.
 pub struct Tracker<'a> {
     cameras: &'a Cameras,
@@ -65,7 +78,7 @@ struct Look {
     stamp: Stamp,
     tip: Vector3<f64>,
     expected: View,
-    candidates: Vec<Candidate>,
+    found: Found,
 }
 
 /// A candidate of each camera, taken together.
@@ -86,23 +99,24 @@ impl<'a> Tracker<'a> {
         Self { cameras, base_from_left, predictor, search, lock: Lock::default(), records, without_motor: 0 }
     }
 
-    /// Takes the next frame of one camera, or of both if they belong together, left first.
-    pub fn step(&mut self, frames: [Option<&Frame>; 2]) {
+    /// Takes the next frame of one camera, or of both if they belong together, left first. Says what it made of each.
+    pub fn step(&mut self, frames: [Option<&Frame>; 2]) -> [Option<Looked>; 2] {
         let this = &*self;
         let look = |side: Side| frames[side as usize].map(|frame| this.look(side, frame));
         let (left, right) = rayon::join(|| look(Side::Left), || look(Side::Right));
         let looks = [left.flatten(), right.flatten()];
-        let sightings = self.decide(&looks);
-        for (k, frame) in frames.into_iter().enumerate() {
-            let Some(frame) = frame else { continue };
-            match sightings[k] {
+        let decided = self.decide(&looks);
+        [0, 1].map(|k| {
+            let (frame, (sighting, reason)) = (frames[k]?, decided[k]);
+            match sighting {
                 Sighting::Seen(candidate) => self.search[k].seen(candidate.share),
                 Sighting::Hidden if looks[k].is_some() => self.search[k].lost(),
                 Sighting::Hidden => self.without_motor += 1,
                 Sighting::Rejected(_) => {}
             }
-            self.records[k].push(Record { stamp: frame.stamp, sighting: sightings[k] });
-        }
+            self.records[k].push(Record { stamp: frame.stamp, sighting });
+            Some(Looked { sighting, reason, searched: looks[k].as_ref().map(|look| (look.expected.pixel, look.found.region)) })
+        })
     }
 
     /// What was seen, left and right, and the number of frames at whose time the log has no motor angles.
@@ -114,36 +128,43 @@ impl<'a> Tracker<'a> {
     fn look(&self, side: Side, frame: &Frame) -> Option<Look> {
         let tip = self.predictor.tip(frame.stamp)?;
         let expected = view(self.cameras, side, &(tip + self.lock.offset_m()))?;
-        let candidates = self.search[side as usize].look(&frame.image, &expected);
-        Some(Look { stamp: frame.stamp, tip, expected, candidates })
+        let found = self.search[side as usize].look(&frame.image, &expected);
+        Some(Look { stamp: frame.stamp, tip, expected, found })
     }
 
-    fn decide(&mut self, looks: &[Option<Look>; 2]) -> [Sighting; 2] {
+    fn decide(&mut self, looks: &[Option<Look>; 2]) -> [(Sighting, Reason); 2] {
         if let [Some(left), Some(right)] = looks
-            && !left.candidates.is_empty()
-            && !right.candidates.is_empty()
+            && !left.found.candidates.is_empty()
+            && !right.found.candidates.is_empty()
         {
             return self.decide_pair(left, right);
         }
-        [0, 1].map(|k| looks[k].as_ref().map_or(Sighting::Hidden, |look| self.decide_alone(look)))
+        looks.each_ref().map(|look| look.as_ref().map_or((Sighting::Hidden, Reason::NotSearched), |look| self.decide_alone(look)))
     }
 
     /// One camera alone can follow the marker but not find it for the first time.
-    fn decide_alone(&self, look: &Look) -> Sighting {
+    fn decide_alone(&self, look: &Look) -> (Sighting, Reason) {
         let off = |c: &Candidate| (c.centre - look.expected.pixel).norm();
-        let Some(nearest) = look.candidates.iter().min_by(|a, b| off(a).total_cmp(&off(b))) else { return Sighting::Hidden };
+        let Some(nearest) = look.found.candidates.iter().min_by(|a, b| off(a).total_cmp(&off(b))) else {
+            return (Sighting::Hidden, if look.found.blobs == 0 { Reason::NoColour } else { Reason::NoBall });
+        };
         let reach_px = self.lock.reach_m(self.seconds(look.stamp)) * look.expected.px_per_m;
-        if self.lock.is_set() && off(nearest) <= reach_px { Sighting::Seen(*nearest) } else { Sighting::Rejected(*nearest) }
+        if self.lock.is_set() && off(nearest) <= reach_px {
+            (Sighting::Seen(*nearest), Reason::Seen)
+        } else {
+            (Sighting::Rejected(*nearest), Reason::Alone)
+        }
     }
 
-    fn decide_pair(&mut self, left: &Look, right: &Look) -> [Sighting; 2] {
+    fn decide_pair(&mut self, left: &Look, right: &Look) -> [(Sighting, Reason); 2] {
         let time_s = self.seconds(left.stamp);
-        let pairs = left.candidates.iter().flat_map(|l| right.candidates.iter().map(move |r| [*l, *r]));
+        let (of_left, of_right) = (&left.found.candidates, &right.found.candidates);
+        let pairs = of_left.iter().flat_map(|l| of_right.iter().map(move |r| [*l, *r]));
         let pairs: Vec<Pair> = pairs.filter_map(|chosen| self.pair(chosen, left, right, time_s)).collect();
         let possible = pairs.iter().filter_map(|pair| Some((pair, pair.cost?)));
         if let Some((best, _)) = possible.min_by(|a, b| a.1.total_cmp(&b.1)) {
             self.lock.accept(best.offset_m, time_s);
-            return best.chosen.map(Sighting::Seen);
+            return best.chosen.map(|candidate| (Sighting::Seen(candidate), Reason::Seen));
         }
         let nearest = pairs.iter().min_by(|a, b| a.offset_m.norm().total_cmp(&b.offset_m.norm()));
         if let Some(nearest) = nearest
@@ -153,7 +174,9 @@ impl<'a> Tracker<'a> {
                 search.size.forget();
             }
         }
-        nearest.map_or([left.candidates[0], right.candidates[0]], |pair| pair.chosen).map(Sighting::Rejected)
+        let reason = if nearest.is_some() { Reason::Elsewhere } else { Reason::RaysMiss };
+        let rejected = nearest.map_or([of_left[0], of_right[0]], |pair| pair.chosen);
+        rejected.map(|candidate| (Sighting::Rejected(candidate), reason))
     }
 
     /// The point that two candidates make; `None` where their rays do not meet.

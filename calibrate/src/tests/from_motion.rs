@@ -12,6 +12,7 @@ use raven_track::look::Candidate;
 use raven_track::tracker::{Record, Sighting};
 use rayon::prelude::*;
 
+use crate::anywhere::{ROTATION_STD_RAD, TRANSLATION_STD_M, realign};
 use crate::from_motion::{Before, FromMotion, register};
 use crate::hard_stop::HOMING_STRETCH;
 use crate::moving::Moving;
@@ -29,8 +30,15 @@ struct Case {
     found: FromMotion,
 }
 
+/// What is known of the mount.
+#[derive(Clone, Copy, PartialEq)]
+enum Mount {
+    Given,
+    Unknown,
+}
+
 /// A session with the effects, every number of the robot off within its tolerance, and the cameras turned within that of their mount.
-fn case(seed: u64, effects: &[&str], motion: Motion, duration_s: f64) -> Case {
+fn case(seed: u64, effects: &[&str], motion: Motion, duration_s: f64, mount: Mount) -> Case {
     let robot = nominal::gold();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut turn = || -> f64 { Distribution::<f64>::sample(&StandardNormal, &mut random) * MOUNT_STD_RAD };
@@ -45,7 +53,15 @@ fn case(seed: u64, effects: &[&str], motion: Motion, duration_s: f64) -> Case {
     let records = Side::BOTH.map(|side| records(&recording, side, seed));
     let moving = [Moving::new(recording, records).unwrap()];
     let cameras = session.cameras().unwrap().clone();
-    let before = before(&robot, &cameras);
+    let mut before = before(&robot, &cameras);
+    if mount == Mount::Unknown {
+        let nowhere = Cameras { base_from_left: None, ..cameras.clone() };
+        before = Before {
+            base_from_left: realign(&[path], &robot, &nowhere, &moving).unwrap().base_from_left,
+            rotation_std_rad: [ROTATION_STD_RAD; 3],
+            translation_std_m: [TRANSLATION_STD_M; 3],
+        };
+    }
     let found = register(&robot, &cameras, &before, &moving).unwrap();
     Case { robot, session, found }
 }
@@ -110,7 +126,7 @@ const LAB: [&str; 4] = ["pulley-radius:shoulder=-0.05", "hysteresis:insertion=0.
 
 #[test]
 fn a_pulley_that_is_off_by_five_percent_does_not_turn_the_cameras() {
-    let case = case(1, &LAB, Motion::Sinusoid, 20.0);
+    let case = case(1, &LAB, Motion::Sinusoid, 20.0, Mount::Given);
     let (errors, in_middle_m) = case.errors();
     assert!(errors.iter().all(|e| e.abs() < 4.0), "{errors:?}");
     let std_deg = case.found.rotation_std_rad().map(f64::to_degrees);
@@ -122,10 +138,20 @@ fn a_pulley_that_is_off_by_five_percent_does_not_turn_the_cameras() {
 #[test]
 #[ignore = "takes minutes: cargo test --release -p raven-calibrate errors_are_as_large -- --ignored --nocapture"]
 fn errors_are_as_large_as_claimed() {
+    are_as_large_as_claimed(Mount::Given);
+}
+
+#[test]
+#[ignore = "takes minutes: cargo test --release -p raven-calibrate of_unknown_mounts -- --ignored --nocapture"]
+fn errors_of_unknown_mounts_are_as_large_as_claimed() {
+    are_as_large_as_claimed(Mount::Unknown);
+}
+
+fn are_as_large_as_claimed(mount: Mount) {
     const SEEDS: u64 = 6;
     let of = |seed: u64| {
         let motion = if seed.is_multiple_of(2) { Motion::Sinusoid } else { Motion::Rich };
-        case(100 + seed, &LAB, motion, 30.0).errors()
+        case(100 + seed, &LAB, motion, 30.0, mount).errors()
     };
     let all: Vec<([f64; 11], f64)> = (0..SEEDS).into_par_iter().map(of).collect();
     for (errors, in_middle_m) in &all {

@@ -1,5 +1,7 @@
 //! Whole calibrations of simulated cameras, rendered boards, the commands, and real pictures where they are at hand.
 
+mod align;
+mod anywhere;
 mod apart;
 mod commands;
 mod corners;

@@ -1,5 +1,6 @@
 //! The page as HTML.
 
+use raven::plot::page::document;
 use raven::plot::svg::{escape, figure};
 
 use super::{Candidate, Page, bars, traces};
@@ -28,12 +29,7 @@ pub fn html(page: &Page) -> String {
         section("Recordings", "", page.recordings.is_empty(), || list("ul class=\"files\"", &page.recordings)),
     ]
     .concat();
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
-         <title>{} - diagnosis</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
-        escape(&page.title)
-    )
+    document(&format!("{} - diagnosis", page.title), STYLE, &body)
 }
 
 fn header(page: &Page) -> String {

@@ -98,6 +98,85 @@ fn a_whole_recording_is_tracked_by_every_centre() {
     assert!(track(&LAB.path().join("log.mcap"), &cameras(), &["--refine", "--centre", "contour"]).is_err());
 }
 
+/// Text between two others.
+fn between<'t>(text: &'t str, before: &str, after: &str) -> &'t str {
+    text.split(before).nth(1).and_then(|rest| rest.split(after).next()).unwrap_or_else(|| panic!("no {before} in the page"))
+}
+
+#[test]
+fn the_page_says_what_became_of_the_marker_and_shows_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("tracking.html");
+    let (log, option) = (LAB.path().join("log.mcap"), ["--html", page.to_str().unwrap()]);
+    let (said, json, _) = track(&log, &cameras(), &option).unwrap();
+    let page = std::fs::read_to_string(&page).unwrap();
+    let html = without_pictures(&page);
+    let (seen, pairs) = (number(&json, "/seen"), number(&json, "/pairs"));
+    let heading = between(&html, "<h1>", "</h1>");
+    assert!(heading.starts_with(&format!("The tip was seen in {seen} of {pairs} frames")), "{heading}");
+    // Without the page the very same is found.
+    let (plain, _, _) = track(&log, &cameras(), &[]).unwrap();
+    let found = |said: &str| said.lines().filter(|line| !line.starts_with("time")).map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(found(&said), found(&plain));
+    for side in ["left", "right"] {
+        assert!(html.contains(&format!("What the {side} camera saw")) && html.contains(&format!("id=\"tile-{side}-0-23-t\"")), "{side}");
+    }
+    assert!(html.matches("data:image/png;base64,").count() >= 48 && page.len() < 8_000_000, "{} bytes", page.len());
+    // Nothing from elsewhere; the name spaces of SVG are names, not places.
+    let elsewhere = html.replace("http://www.w3.org/2000/svg", "");
+    assert!(!elsewhere.contains("http") && !elsewhere.contains("url(") && !html.contains("<script") && !html.contains("NaN"));
+    let ids: Vec<&str> = html.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    let distinct: std::collections::BTreeSet<&str> = ids.iter().copied().collect();
+    assert_eq!(ids.len(), distinct.len());
+    // What is drawn as found has the marker's colour in the picture under it.
+    let tile = between(&page, "id=\"tile-left-3-0-d\"", "</svg>");
+    let png = base64(between(tile, "base64,", "\""));
+    let picture = image::load_from_memory(&png).unwrap().to_rgb8();
+    // A large region is shown smaller.
+    let number = |name: &str| between(tile, &format!("{name}=\""), "\"").parse::<f64>().unwrap();
+    let scale = f64::from(picture.width()) / number("<image width");
+    let [x, y] = ["cx", "cy"].map(|name| (scale * number(name)) as u32);
+    let [red, green, blue] = picture.get_pixel(x, y).0;
+    assert!(green > red && green > blue, "{:?}", [red, green, blue]);
+}
+
+#[test]
+fn a_marker_that_is_never_seen_has_a_page_that_shows_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("never.html");
+    let never = track(&LAB.path().join("log.mcap"), &cameras(), &["--hue", "200..250", "--html", page.to_str().unwrap()]).unwrap_err();
+    let html = without_pictures(&std::fs::read_to_string(&page).unwrap());
+    assert!(never.contains("never seen"), "{never}");
+    assert!(between(&html, "<h1>", "</h1>").starts_with("The tip was never seen") && html.contains("hidden: nothing of its colour"));
+    assert!(html.contains("data:image/png") && !html.contains("NaN"));
+}
+
+/// A page whose pictures are empty: their letters may spell anything.
+fn without_pictures(page: &str) -> String {
+    let mut parts = page.split("base64,");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + "base64," + &part[part.find('"').unwrap()..])
+}
+
+/// Bytes from base 64.
+fn base64(text: &str) -> Vec<u8> {
+    let digit = |c: u8| match c {
+        b'A'..=b'Z' => c - b'A',
+        b'a'..=b'z' => c - b'a' + 26,
+        b'0'..=b'9' => c - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let bits = |four: &[u8]| four.iter().filter(|&&c| c != b'=').fold((0_u32, 0), |(bits, n), &c| (bits << 6 | u32::from(digit(c)), n + 6));
+    text.as_bytes()
+        .chunks(4)
+        .flat_map(|four| {
+            let (bits, n) = bits(four);
+            (0..n / 8).map(move |i| (bits >> (n - 8 * (i + 1))) as u8).collect::<Vec<u8>>()
+        })
+        .collect()
+}
+
 #[test]
 fn a_colour_learned_at_the_hard_stop_finds_the_marker_in_motion() {
     let hardstop = LAB.path().join("hardstop.mcap");
