@@ -4,10 +4,10 @@ mod lab;
 
 use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use clap::Parser;
-use lab::{DEFINITION, TYPE, message, numbers};
+use lab::{DEFINITION, TYPE, message, numbers, python};
 use proptest::prelude::*;
 use raven::cli::Outcome;
 use raven::log::{FrameData, Side, Stamp, Survey, frames, ros1};
@@ -112,14 +112,7 @@ fn bags_of_rosbag_itself_are_imported() {
         with rosbag.Bag(path, 'w', compression=compression, chunk_threshold=20000) as bag:\n\
         \x20   for i in range(len(data) // 980):\n\
         \x20       bag.write('/numbers', (kind, data[980*i:980*i+980], md5, pytype), t=genpy.Time(100 + i, 5), raw=True)\n";
-    let there = |python: &&str| {
-        let asked = Command::new(python).args(["-c", "import rosbag"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
-        asked.is_ok_and(|status| status.success())
-    };
-    let Some(python) = ["/usr/bin/python3", "python3"].into_iter().find(there) else {
-        eprintln!("SKIPPED: rosbag is not there (Debian: python3-rosbag).");
-        return;
-    };
+    let Some(python) = python("rosbag", "Debian: python3-rosbag") else { return };
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     std::fs::write(file("definition"), DEFINITION).unwrap();

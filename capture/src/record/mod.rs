@@ -130,7 +130,7 @@ fn session(args: &Args, wanted: &[(String, TopicAddress)], clock: SessionClock) 
     session.insert("tool".to_owned(), concat!("raven-capture ", env!("CARGO_PKG_VERSION")).to_owned());
     session.insert("epoch_ns".to_owned(), clock.epoch_ns().to_string());
     for (name, TopicAddress { master, topic }) in wanted {
-        session.insert(format!("source {name}"), format!("ros://{}:{}{topic}", master.host, master.port));
+        session.insert(format!("source {name}"), format!("ros://{}{topic}", master.authority()));
     }
     session
 }
