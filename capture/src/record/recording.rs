@@ -13,6 +13,8 @@ use super::writer::{Plan, Progress, free_bytes, megabytes};
 
 /// How often everything is put on the disk, both clocks are read, and free space is looked at: what a power cut costs at most.
 const TICK: Duration = Duration::from_secs(1);
+/// How often everything is handed to the operating system: what a kill costs, and on a busy machine half of what it may cost.
+const FLUSH: Duration = Duration::from_millis(500);
 /// Bytes after which a chunk is ended, just below the container's own limit: so it is known which messages are in the file for good.
 const CHUNK_BYTES: usize = 900_000;
 /// How soon the end is noticed.
@@ -62,17 +64,23 @@ impl Recording {
     }
 
     fn record(&mut self, queue: &Receiver<Entry>) -> Result<()> {
-        let mut next_tick = Instant::now() + TICK;
+        let (mut next_flush, mut next_tick) = (Instant::now() + FLUSH, Instant::now() + TICK);
         loop {
-            match queue.recv_timeout(next_tick.saturating_duration_since(Instant::now()).min(GLANCE)) {
+            match queue.recv_timeout(next_flush.saturating_duration_since(Instant::now()).min(GLANCE)) {
                 Ok(entry) => self.take(&entry)?,
                 Err(RecvTimeoutError::Timeout) if !self.progress.asked_to_end() => {}
                 Err(_) => return self.tick().map(|_| ()),
             }
-            if Instant::now() < next_tick {
+            let now = Instant::now();
+            if now < next_flush {
                 continue;
             }
-            next_tick = Instant::now() + TICK;
+            next_flush = now + FLUSH;
+            if now < next_tick {
+                self.end_chunk()?;
+                continue;
+            }
+            next_tick = now + TICK;
             let free = self.tick()?;
             if free < self.plan.min_space_bytes {
                 let (free, least) = (megabytes(free), megabytes(self.plan.min_space_bytes));
