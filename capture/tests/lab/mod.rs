@@ -40,6 +40,21 @@ pub fn message(number: u64) -> Vec<u8> {
     data
 }
 
+/// The definition of `sensor_msgs/JointState`, which CRTK's `measured_js` is.
+pub const JOINT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n\
+    ================================================================================\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n";
+pub const JOINTS: [&str; 3] = ["shoulder", "elbow", "insertion"];
+
+/// Joint states number `i`, 1 ms apart; positions and efforts are known.
+pub fn joint_state(i: u32) -> Vec<u8> {
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+    let array = |numbers: [f64; 3]| [3_u32.to_le_bytes().to_vec(), numbers.map(f64::to_le_bytes).concat()].concat();
+    let header = [i, 1_700_000_000, 1_000_000 * i].map(u32::to_le_bytes).concat();
+    let names = [3_u32.to_le_bytes().to_vec(), JOINTS.iter().flat_map(|name| text(name)).collect()].concat();
+    let at = f64::from(i);
+    [header, text("arm"), names, array([at, -at, 1e-3 * at]), array([0.0; 3]), array([0.1 * at, 0.2, 0.3])].concat()
+}
+
 /// The numbers of a topic's messages in a recording, and whether the file is whole.
 pub fn numbers(path: &Path, topic: &str) -> (Vec<u64>, bool) {
     let mut walker = Walker::open(path).unwrap();
@@ -84,6 +99,12 @@ pub fn python(modules: &str, hint: &str) -> Option<&'static str> {
         aloud(&format!("SKIPPED: what needs a python3 that imports {modules} ({hint})"));
     }
     found
+}
+
+/// A folder for many files that need not outlive the machine: where it is in memory, a sync costs nothing.
+pub fn in_memory() -> tempfile::TempDir {
+    let memory = Path::new("/dev/shm");
+    if memory.exists() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.unwrap()
 }
 
 /// Waits until something holds; the test fails if it does not within half a minute, which a busy machine may need to start a program.

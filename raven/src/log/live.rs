@@ -2,7 +2,8 @@
 //!
 //! It is called `NAME.mcap.active` until it is complete. Its chunks are written whole, never patched afterwards, so what has been flushed stays
 //! good. Behind it stands the end of a file without an index, over which the next chunk is written: whenever the program is killed, readers that
-//! can do without an index take what is there for a whole file. Only a kill in the middle of a write leaves a part of a chunk, and a file that readers take up to there.
+//! can do without an index take what is there for a whole file. Only a kill in the middle of a write leaves a part of a chunk, and a file that
+//! they take up to there.
 
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
