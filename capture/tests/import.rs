@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use clap::Parser;
-use lab::{DEFINITION, TYPE, message, numbers, python};
+use lab::{DEFINITION, TYPE, in_memory, message, numbers, python};
 use proptest::prelude::*;
 use raven::cli::Outcome;
 use raven::log::{FrameData, Side, Stamp, Survey, frames, ros1};
@@ -101,6 +101,39 @@ fn a_damaged_bag_is_imported_up_to_the_damage_and_what_is_none_is_refused() {
         assert!(said.contains(must_say), "{said}");
         assert!(!output.exists());
     }
+}
+
+/// Cuts and changed bits at places from a fixed seed (splitmix64), of bags of every compression.
+#[test]
+fn a_bag_cut_at_any_length_or_with_any_bit_changed_is_imported_or_refused() {
+    let folder = in_memory();
+    let (input, output) = (folder.path().join("bad.bag"), folder.path().join("out.mcap"));
+    let (mut state, mut lost) = (7_u64, 0);
+    let mut below = |limit: usize| {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mixed = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((mixed ^ (mixed >> 31)) % limit as u64) as usize
+    };
+    for number in 0..400 {
+        let mut bytes = bag(0..25, ["none", "bz2", "lz4"][number % 3]);
+        let at = below(bytes.len());
+        if number < 200 {
+            bytes.truncate(at);
+        } else {
+            bytes[at] ^= 1 << below(8);
+        }
+        std::fs::write(&input, &bytes).unwrap();
+        match import(&input, &output, &[]) {
+            Ok(outcome) => {
+                assert_eq!(Survey::of(&output).unwrap().damage, None, "{number}");
+                lost += usize::from(outcome == Outcome::DataLost);
+                std::fs::remove_file(&output).unwrap();
+            }
+            Err(_) => assert!(!output.exists(), "{number}"),
+        }
+    }
+    assert!(lost > 100, "{lost}");
 }
 
 #[test]
