@@ -169,7 +169,12 @@ impl Machine {
 
     /// What is in a recording; it must be whole.
     pub fn survey(&self, name: &str) -> Survey {
-        let survey = Survey::of(&self.file(name)).unwrap_or_else(|e| panic!("{e} {}", self.text(&format!("{name}.err"))));
+        self.survey_of(&format!("{name}.mcap"))
+    }
+
+    /// The same of a file that is called like this.
+    pub fn survey_of(&self, file: &str) -> Survey {
+        let survey = Survey::of(&self.share.join(file)).unwrap_or_else(|e| panic!("{e} {}", self.text("run.log")));
         assert_eq!(survey.damage, None);
         survey
     }
