@@ -20,7 +20,7 @@ const UNFINISHED: &str = "this recording is under way or was cut off, and up to 
 /// Arguments of `raven-capture check`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  raven-capture check session.mcap\n  raven-capture check cut-off.mcap --recover -o session.mcap\n  \
-                        raven-capture check --devices --left serial:2B4F91C0 --right serial:77D03A12\n\n\
+                        raven-capture check --devices --left serial:2B4F91C0 --right serial:77D03A12 --robot ros://robot:11311/ravenstate\n\n\
                         Exit codes: 0 the log is whole, 1 failed, 2 wrong arguments, 3 the log is damaged or was cut off, or a recording would lose data.")]
 pub struct Args {
     /// The log.

@@ -30,6 +30,7 @@ use self::writer::{Plan, Writer};
 use crate::camera::source::{CameraSource, Ready, Sink};
 use crate::camera::{Driver, Encoding};
 use crate::clock::SessionClock;
+use crate::robot_trial::disagreement;
 use crate::ros1::{Endpoint, Node, Subscription, TopicAddress};
 
 /// How often the command looks up from waiting.
@@ -115,6 +116,9 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
         shown.into_iter().map(|Shown { topic, camera, counters }| TopicSummary { topic, camera, counts: counters.read() }).collect();
     let summary = Summary::new(written, seconds, topics, skew);
     summary.lost.iter().for_each(|sentence| cli::warn(sentence));
+    // A camera's stamps are of this machine's own clock.
+    let of_robots = summary.topics.iter().filter(|topic| topic.camera.is_none());
+    of_robots.filter_map(|topic| disagreement(&topic.topic, &topic.counts)).for_each(|sentence| cli::warn(&sentence));
     if args.json.as_deref() != Some(Path::new("-")) {
         out.write_all(summary.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     }
