@@ -1,6 +1,7 @@
 //! `raven-capture record`: cameras and topics of a robot in one file, each frame and message as it came and when it came.
 
 pub mod args;
+mod disk;
 pub mod live;
 pub mod pace;
 mod recording;

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use raven::log::{LogWriter, active_name, complete};
 use raven::{Error, Result};
 
+use super::disk::Disk;
 use super::source::{Counters, Entry};
 use super::writer::{Plan, Progress, free_bytes, megabytes};
 
@@ -24,6 +25,7 @@ const GLANCE: Duration = Duration::from_millis(50);
 pub(super) struct Recording {
     plan: Plan,
     log: Option<LogWriter>,
+    disk: Option<Disk>,
     /// The part being written, from its creation to its end.
     open: Option<PathBuf>,
     files: Vec<PathBuf>,
@@ -43,7 +45,8 @@ impl Recording {
     /// If it exists or cannot be written.
     pub(super) fn begin(plan: Plan, progress: Arc<Progress>) -> Result<Self> {
         let (files, chunk) = (Vec::new(), Vec::new());
-        let mut recording = Self { plan, log: None, open: None, files, earlier_bytes: 0, good_bytes: 0, chunk_bytes: 0, chunk, progress };
+        let mut recording =
+            Self { plan, log: None, disk: None, open: None, files, earlier_bytes: 0, good_bytes: 0, chunk_bytes: 0, chunk, progress };
         match recording.begin_part() {
             Ok(()) => Ok(recording),
             Err(error) => {
@@ -114,15 +117,15 @@ impl Recording {
         Ok(())
     }
 
-    /// Puts everything on the disk with a reading of both clocks, and returns the free space.
+    /// Has everything put on the disk with a reading of both clocks, and returns the free space.
     fn tick(&mut self) -> Result<u64> {
         if let Some(log) = &mut self.log {
             let (stamp, sample) = self.plan.clock.sample();
             log.clock(stamp, sample)?;
         }
         self.end_chunk()?;
-        if let Some(log) = &self.log {
-            log.sync()?;
+        if let Some(disk) = &self.disk {
+            disk.sync()?;
         }
         let free = free_bytes(&self.plan.path)?;
         self.progress.set(self.earlier_bytes + self.good_bytes, free);
@@ -132,7 +135,9 @@ impl Recording {
     fn begin_part(&mut self) -> Result<()> {
         let path = self.plan.part(self.files.len());
         let mut log = LogWriter::live(&path)?;
+        let active = active_name(&path);
         self.open = Some(path);
+        self.disk = Some(Disk::of(&active)?);
         let mut records = self.plan.records.clone();
         if let (Some((_, session)), Some(_)) = (records.first_mut(), self.plan.split_bytes) {
             session.insert("part".to_owned(), self.files.len().to_string());

@@ -14,9 +14,9 @@ use raven::log::{FrameLosses, FrameMeta, LogWriter, Stamp};
 use super::pace::Pace;
 use crate::clock::Arrival;
 
-/// Samples that may wait: 16 s of a robot at 1 kHz, longer than a disk is ever busy with itself.
-const QUEUE_SAMPLES: usize = 1 << 14;
-/// Bytes that may wait: 7 s of two raw cameras.
+/// Samples that may wait: a minute of a robot at 1 kHz, since a machine that is busy with others may stop a writer for a good part of one.
+const QUEUE_SAMPLES: usize = 1 << 16;
+/// Bytes that may wait: a minute of that and two MJPG cameras, 7 s of two raw ones.
 const QUEUE_BYTES: usize = 256 << 20;
 /// Stamps of a camera's latest frames that are kept: some seconds, for the skew between the cameras.
 const RECENT: usize = 128;
