@@ -14,11 +14,14 @@ use crate::record::summary::camera_table;
 use crate::steps::{Step, steps};
 use crate::table::table;
 
+/// What is said of a file with the name of a recording under way.
+const UNFINISHED: &str = "this recording is under way or was cut off, and up to a second at its end may be missing";
+
 /// Arguments of `raven-capture check`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  raven-capture check session.mcap\n  raven-capture check cut-off.mcap --recover -o session.mcap\n  \
-                        raven-capture check --devices --left serial:2B4F91C0 --right serial:77D03A12\n\n\
-                        Exit codes: 0 the log is whole, 1 failed, 2 wrong arguments, 3 the log is damaged, or a recording would lose data.")]
+                        raven-capture check --devices --left serial:2B4F91C0 --right serial:77D03A12 --robot ros://robot:11311/ravenstate\n\n\
+                        Exit codes: 0 the log is whole, 1 failed, 2 wrong arguments, 3 the log is damaged or was cut off, or a recording would lose data.")]
 pub struct Args {
     /// The log.
     #[arg(required_unless_present = "devices", conflicts_with = "devices")]
@@ -71,7 +74,11 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     if survey.damage.is_some() && recovery.is_none() {
         cli::warn(&format!("{}: the log is damaged; `--recover -o OUT.mcap` saves what can be read.", file.display()));
     }
-    Ok(if survey.damage.is_some() { Outcome::DataLost } else { Outcome::Done })
+    let active = file.extension().is_some_and(|extension| extension == "active");
+    if active {
+        cli::warn(&format!("{}: {UNFINISHED}.", file.display()));
+    }
+    Ok(if survey.damage.is_some() || active { Outcome::DataLost } else { Outcome::Done })
 }
 
 /// The report as people read it.
@@ -230,5 +237,15 @@ mod tests {
         assert!(text.contains("DAMAGED: it breaks off") && text.contains("saved.mcap"), "{text}");
         let (outcome, _) = check(&[output.to_str().unwrap()]);
         assert_eq!(outcome, Outcome::Done);
+    }
+
+    #[test]
+    fn a_recording_that_was_killed_is_whole_but_for_its_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("session.mcap.active");
+        session(&file);
+        let (outcome, text) = check(&[file.to_str().unwrap()]);
+        assert_eq!(outcome, Outcome::DataLost);
+        assert!(!text.contains("DAMAGED"), "{text}");
     }
 }

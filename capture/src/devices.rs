@@ -19,7 +19,10 @@ use crate::camera::judge::Judge;
 use crate::camera::modes::OfferedMode;
 use crate::camera::{CameraFault, Driver, Opened, Selector, offered};
 use crate::record::args::{CameraArgs, positive};
+use crate::record::source::Counts;
 use crate::record::writer::free_bytes;
+use crate::robot_trial::{disagreement, is_clock_kept, robot_trial};
+use crate::ros1::TopicAddress;
 use crate::table::table;
 
 /// What is written to see how fast the disk is.
@@ -34,7 +37,7 @@ const EXPOSURE_PART: f64 = 0.9;
 /// Arguments of the preflight.
 #[derive(Debug, Clone, clap::Args)]
 pub struct DeviceArgs {
-    /// List the cameras that are plugged in, and try those that are chosen, or all, as a recording would.
+    /// List the cameras that are plugged in, and try those that are chosen, or all where nothing is, as a recording would.
     #[arg(long)]
     pub devices: bool,
     /// The left camera, as `record` takes it.
@@ -43,6 +46,9 @@ pub struct DeviceArgs {
     /// The right camera.
     #[arg(long, value_name = "CAMERA", requires = "devices")]
     pub right: Option<Selector>,
+    /// A robot, whose clock is held against this machine's.
+    #[arg(long, value_name = "ros://HOST:PORT/TOPIC", requires = "devices")]
+    pub robot: Option<TopicAddress>,
     /// What is asked of the cameras.
     #[command(flatten)]
     pub camera: CameraArgs,
@@ -61,18 +67,23 @@ pub struct DeviceArgs {
 pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Result<Outcome> {
     let devices = devices(Path::new(SYSFS));
     let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, &devices, offered(&device.path)?))).collect();
-    if present.is_empty() && args.left.is_none() && args.right.is_none() {
+    if present.is_empty() && args.left.is_none() && args.right.is_none() && args.robot.is_none() {
         return Err(Error::Data("no camera is plugged in.".to_owned()));
     }
     let mut cameras: Vec<(String, Box<dyn Driver>)> = Vec::new();
     let chosen = [("left", &args.left), ("right", &args.right)];
     cameras.extend(chosen.into_iter().filter_map(|(name, camera)| Some((name.to_owned(), args.camera.driver(camera.clone()?)))));
-    if cameras.is_empty() {
+    // Who asks for the robot alone is not shown in a picture.
+    if cameras.is_empty() && args.robot.is_none() {
         let all = present.iter().map(|present| (present.choose.clone(), args.camera.driver(Selector::Device(present.path.clone()))));
         cameras.extend(all);
     }
     let time = Duration::try_from_secs_f64(args.seconds).map_err(|_| Error::Argument("--seconds is too long.".to_owned()))?;
-    let preflight = Preflight::run(present, cameras, time, &args.folder)?;
+    let mut preflight = Preflight::run(present, cameras, time, &args.folder)?;
+    preflight.clock_kept = is_clock_kept();
+    if let Some(address) = &args.robot {
+        preflight.try_robot(address, time)?;
+    }
     preflight.problems.iter().for_each(|sentence| cli::warn(sentence));
     if json != Some(Path::new("-")) {
         out.write_all(preflight.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
@@ -117,6 +128,10 @@ pub struct Preflight {
     pub devices: Vec<Present>,
     /// The cameras that ran.
     pub cameras: Vec<CameraTrial>,
+    /// The robot's messages, if they were asked for.
+    pub robot: Option<Counts>,
+    /// Whether a time service keeps this machine's clock, if that can be known.
+    pub clock_kept: Option<bool>,
     /// Bytes per second that the disk takes.
     pub disk_bytes_per_second: f64,
     /// Bytes free there.
@@ -159,7 +174,8 @@ impl Preflight {
             running.into_iter().map(|(name, thread)| (name, thread.join().unwrap_or(Err(CameraFault::Broken)))).collect()
         });
         let (disk_bytes_per_second, free_bytes) = (disk_speed(folder)?, free_bytes(&folder.join("session.mcap"))?);
-        let mut preflight = Self { devices, cameras: Vec::new(), disk_bytes_per_second, free_bytes, problems: Vec::new() };
+        let (cameras, problems) = (Vec::new(), Vec::new());
+        let mut preflight = Self { devices, cameras, robot: None, clock_kept: None, disk_bytes_per_second, free_bytes, problems };
         for (name, trial) in trials {
             match trial {
                 Ok(trial) => {
@@ -178,6 +194,20 @@ impl Preflight {
             ));
         }
         Ok(preflight)
+    }
+
+    fn try_robot(&mut self, address: &TopicAddress, time: Duration) -> Result<()> {
+        let counts = robot_trial(address, time)?;
+        let topic = &address.topic;
+        if counts.received == 0 {
+            self.problems.push(format!("{topic}: no message came."));
+        }
+        self.problems.extend(disagreement(topic, &counts));
+        if self.clock_kept == Some(false) {
+            self.problems.push(format!("no time service keeps this machine's clock: it drifts against that of {}.", address.master.host));
+        }
+        self.robot = Some(counts);
+        Ok(())
     }
 
     fn needed_bytes_per_second(&self) -> f64 {
@@ -210,6 +240,16 @@ impl Preflight {
             lines.push(String::new());
             lines.extend(table(&std::iter::once(titles).chain(self.cameras.iter().map(row)).collect::<Vec<_>>(), 0));
         }
+        if let Some(robot) = &self.robot {
+            let rate = robot.rate_hz.map_or("-".to_owned(), |rate_hz| format!("{rate_hz:.1}"));
+            let lag = number(robot.least_lag_s);
+            lines.push(format!(
+                "robot: {} messages, {rate} Hz, {} gaps, from stamp to arrival {lag} ms at the least",
+                robot.received, robot.gaps
+            ));
+        }
+        let kept = self.clock_kept.map(|kept| if kept { "kept by a time service" } else { "not kept by a time service" });
+        lines.extend(kept.map(|kept| format!("clock: {kept}")));
         let (speed, free) = (self.disk_bytes_per_second * 1e-6, self.free_bytes as f64 * 1e-9);
         let needed = self.needed_bytes_per_second();
         let lasts = if needed > 0.0 { format!(", enough for {:.0} min", self.free_bytes as f64 / needed / 60.0) } else { String::new() };

@@ -6,6 +6,7 @@ pub mod clock;
 pub mod devices;
 pub mod import;
 pub mod record;
+pub mod robot_trial;
 pub mod ros1;
 pub mod seal;
 pub mod simulate;

@@ -1,6 +1,7 @@
 //! Which later step a log is ready for, and what the others lack.
 
 use raven::log::{Survey, topics};
+use raven::robot::SourceFormat;
 use serde::Serialize;
 
 /// One program and whether a log has what it needs.
@@ -20,8 +21,13 @@ pub fn steps(survey: &Survey) -> Vec<Step> {
     let has = |topic: &str| survey.topic(topic).is_some();
     let camera = |compressed, raw| has(compressed) || has(raw);
     let (left, right) = (camera(topics::LEFT_COMPRESSED, topics::LEFT_RAW), camera(topics::RIGHT_COMPRESSED, topics::RIGHT_RAW));
-    let (robot, bench, tip) = (has(topics::RAVEN_STATE), has(topics::MOTOR_JOINT_STATES), has(topics::TIP));
-    let motor = robot || bench;
+    let (bench, tip) = (has(topics::MOTOR_JOINT_STATES), has(topics::TIP));
+    let source = survey.motor_source();
+    let motor = source.is_some();
+    // Joint states may be of the joints or of the motors; only whoever recorded them knows.
+    let own_topic = source.filter(|source| source.format == SourceFormat::JointState && source.topic != topics::MOTOR_JOINT_STATES);
+    let own_topic = own_topic
+        .map(|source| format!("if {0} has the motors, with `source: {{topic: {0}, format: joint_state}}` in the robot file", source.topic));
     let no_images = match (left, right) {
         (true, true) => None,
         (true, false) => Some("images of the right camera"),
@@ -38,14 +44,22 @@ pub fn steps(survey: &Survey) -> Vec<Step> {
     let bench_only = if on_bench { "as a bench, with a robot file of that kind" } else { "" };
     let validation = if has(topics::JOINT_ENCODERS) { "" } else { "without /joint_encoders there is no error to report" };
     let no_torque = if motor && !torque { "without torque: nothing about stiffness or friction" } else { "" };
-    vec![
+    let mut steps = vec![
         step("raven-calibrate cameras", &[no_images], ""),
         step("raven-calibrate register", &[no_images, no_motor], ""),
         step("raven-track", &[no_images], ""),
         step("raven-identify", &[no_motor, no_tip], if bench_only.is_empty() { no_torque } else { bench_only }),
         step("raven-replay", &[no_motor, no_tip_at_all], validation),
         step("raven-diagnose", &[no_motor, no_tip.filter(|_| !torque)], if bench_only.is_empty() { torque_only } else { bench_only }),
-    ]
+    ];
+    if let Some(how) = own_topic {
+        let with_motors = ["raven-calibrate register", "raven-identify", "raven-replay", "raven-diagnose"];
+        for step in steps.iter_mut().filter(|step| with_motors.contains(&step.program)) {
+            let note = std::mem::take(&mut step.note);
+            step.note = [how.as_str(), note.as_str()].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>().join("; ");
+        }
+    }
+    steps
 }
 
 fn step(program: &'static str, missing: &[Option<&str>], note: &str) -> Step {
@@ -80,6 +94,25 @@ mod tests {
         assert!(note_of(&steps, "raven-identify").0);
         assert!(!note_of(&steps, "raven-replay").0);
         assert_eq!(note_of(&steps, "raven-track"), (false, "needs images of both cameras".to_owned()));
+    }
+
+    #[test]
+    fn joint_states_on_another_topic_are_motors_if_the_robot_file_says_so() {
+        let steps = of_log(|log| {
+            log.joint_states("/arm/measured_js", Stamp(1), &["shoulder"], &[0.0], None).unwrap();
+            log.joint_states(topics::JOINT_ENCODERS, Stamp(1), &["shoulder"], &[0.0], None).unwrap();
+        });
+        let (ready, note) = note_of(&steps, "raven-identify");
+        assert!(!ready && note.ends_with("needs /tip, or images to track it in"), "{note}");
+        assert!(
+            note.starts_with("if /arm/measured_js has the motors, with `source: {topic: /arm/measured_js, format: joint_state}`"),
+            "{note}"
+        );
+        let steps = of_log(|log| log.joint_states(topics::JOINT_ENCODERS, Stamp(1), &["shoulder"], &[0.0], None).unwrap());
+        assert_eq!(
+            note_of(&steps, "raven-diagnose").1,
+            "needs motor positions on /ravenstate or /motor/joint_states and /tip, or images to track it in"
+        );
     }
 
     #[test]

@@ -98,6 +98,23 @@ fn exposure_focus_and_white_balance_are_locked_recorded_and_put_back() {
 }
 
 #[test]
+fn a_webcam_that_a_killed_recording_left_locked_is_put_back_by_the_next() {
+    let Some(machine) = machine() else { return };
+    let (killed, put_back) = (machine.text("left-killed.log"), machine.text("left-put-back.log"));
+    let last = |log: &str, name: &str| log.lines().rev().find_map(|line| line.strip_prefix(&format!("set {name} "))).map(str::to_owned);
+    for (name, locked, found) in
+        [("exposure_mode", "1", "8"), ("exposure_priority", "0", "1"), ("focus_auto", "0", "1"), ("white_balance_auto", "0", "1")]
+    {
+        assert_eq!(last(&killed, name).as_deref(), Some(locked), "{name}: {killed}");
+        assert_eq!(last(&put_back, name).as_deref(), Some(found), "{name}: {put_back}");
+    }
+    let said = machine.text("after.err");
+    assert!(said.contains("left camera: a recording that was killed had left its exposure, focus or white balance locked"), "{said}");
+    let survey = machine.survey_of("killed.mcap.active");
+    assert!(machine.is_enough(survey.losses[&Side::Left].frames, 15), "{:?}", survey.losses);
+}
+
+#[test]
 fn the_preflight_lists_the_webcams_and_says_what_they_achieve() {
     let Some(machine) = machine() else { return };
     let said = machine.text("devices.out");

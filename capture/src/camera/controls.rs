@@ -52,7 +52,7 @@ const NOTED: [(u32, &str); 8] = [
 ];
 
 /// The controls of a camera as they were found.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Controls {
     before: BTreeMap<u32, i64>,
 }
@@ -119,6 +119,17 @@ impl Controls {
                 let _gone = panel.set(*id, *value);
             }
         }
+    }
+
+    /// Whether the camera, found like this once, is now as a lock leaves it: every automatic is as it was found or switched off, and something is
+    /// not as it was found. What automatics move while they are on does not count, and a camera with its own values again is not left locked.
+    #[must_use]
+    pub fn are_left_locked(&self, panel: &dyn Panel) -> bool {
+        let moved = |id: u32| self.before.get(&id).is_some_and(|before| panel.get(id) != Some(*before));
+        let switched_off = |(id, off, _): &(u32, i64, &str)| moved(*id) && panel.get(*id) == Some(*off);
+        let automatics = || AUTOMATIC.iter().filter(|(id, ..)| moved(*id));
+        let held = || !self.adjusts_itself() && HELD.iter().any(|(id, _)| moved(*id));
+        automatics().all(switched_off) && (automatics().next().is_some() || held())
     }
 
     /// What the log should know: every control as it is now, and as it was found where that differs.
@@ -193,6 +204,29 @@ mod tests {
         assert_eq!(record["control white_balance_temperature"], "4000");
         controls.restore(&camera);
         assert_eq!(*camera.0.borrow(), found);
+    }
+
+    #[test]
+    fn a_camera_that_was_left_locked_is_known_from_one_with_its_own_values() {
+        let camera = webcam();
+        let found = Controls::read(&camera);
+        camera.0.borrow_mut().insert(EXPOSURE_TIME, 312);
+        assert!(!found.are_left_locked(&camera), "its automatics are on, and move what they adjust");
+        found.keep_rate(&camera);
+        assert!(found.are_left_locked(&camera), "killed before all was locked");
+        let _held = found.lock(&camera, &Held::new());
+        assert!(found.are_left_locked(&camera));
+        found.restore(&camera);
+        assert!(!found.are_left_locked(&camera));
+        // Somebody has chosen another automatic since.
+        let _held = found.lock(&camera, &Held::new());
+        camera.set(0x009a_0901, 2).unwrap();
+        assert!(!found.are_left_locked(&camera));
+        // Without automatics, an exposure that was asked for is what is left.
+        let manual = Fake(RefCell::new(BTreeMap::from([(0x009a_0901, 1), (EXPOSURE_TIME, 250)])));
+        let found = Controls::read(&manual);
+        let _held = found.lock(&manual, &exposure(8.0));
+        assert!(found.are_left_locked(&manual));
     }
 
     #[test]

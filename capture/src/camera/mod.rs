@@ -12,6 +12,7 @@ pub mod frame;
 pub mod judge;
 pub mod mode;
 pub mod modes;
+pub mod note;
 #[cfg(target_os = "linux")]
 mod offers;
 pub mod source;

@@ -23,6 +23,7 @@ use v4l::{Format, FourCC};
 use super::controls::{Controls, Held, Panel, exposure};
 use super::find::{Identity, SYSFS, Selector, devices};
 use super::mode::describe;
+use super::note::Note;
 use super::{CameraFault, Driver, Encoding, Frame, Mode, Opened, Request, Stream};
 use crate::clock::Arrival;
 
@@ -65,7 +66,6 @@ impl V4l2 {
         let (held, notices) = found.lock(&stream.device, &held);
         // Another plugging has put the camera's own values back; what it goes back to is what was found first.
         let before = self.controls.take().map_or(found, |(before, _)| before);
-        stream.restore = Some(before.clone());
         self.controls = Some((before, held));
         Ok(notices)
     }
@@ -83,15 +83,29 @@ impl Driver for V4l2 {
         if !capabilities.capabilities.contains(Flags::VIDEO_CAPTURE) {
             return Err(CameraFault::NoImages { path: found.path.clone(), card: capabilities.card });
         }
-        let controls = Controls::read(&device);
-        if self.request.lock {
-            controls.keep_rate(&device);
-        }
         let mode = negotiate(&device, &self.request)?;
         let stream = MmapStream::with_buffers(&device, Type::VideoCapture, BUFFERS).map_err(|e| CameraFault::system("get buffers", e))?;
+        // Whoever has buffers has the camera: only now may its controls be touched.
+        let identity = Identity::of(found, &present);
+        let note = Note::of(&identity.selector());
+        let mut notices = Vec::new();
+        if self.controls.is_none() && note.as_ref().is_some_and(|note| note.put_back(&device)) {
+            notices.push(
+                "a recording that was killed had left its exposure, focus or white balance locked; they are as before that".to_owned(),
+            );
+        }
+        let controls = Controls::read(&device);
         let mut stream = Running { stream, device, started: false, restore: None };
+        if self.request.lock {
+            let before = self.controls.as_ref().map_or(&controls, |(before, _)| before);
+            note.iter().for_each(|note| note.write(before));
+            stream.restore = Some((before.clone(), note));
+            controls.keep_rate(&stream.device);
+        }
         let first = stream.next(FIRST_FRAME)?.ok_or(CameraFault::Silent { seconds: FIRST_FRAME.as_secs_f64() })?;
-        let notices = if self.request.lock { self.lock(&mut stream, controls)? } else { Vec::new() };
+        if self.request.lock {
+            notices.extend(self.lock(&mut stream, controls)?);
+        }
 
         let controls = self.controls.as_ref().map_or_else(Controls::default, |(before, _)| before.clone());
         let mut record = controls.record(&stream.device);
@@ -107,7 +121,7 @@ impl Driver for V4l2 {
         ];
         record.extend(words.into_iter().filter(|(_, value)| !value.is_empty()).map(|(key, value)| (key.to_owned(), value)));
         record.extend(host());
-        self.identity = Some(Identity::of(found, &present));
+        self.identity = Some(identity);
         Ok(Opened { stream: Box::new(stream), mode, record, notices })
     }
 }
@@ -183,7 +197,8 @@ struct Running {
     stream: MmapStream<'static>,
     device: Device,
     started: bool,
-    restore: Option<Controls>,
+    /// The controls as they are put back, and the note of that.
+    restore: Option<(Controls, Option<Note>)>,
 }
 
 impl Running {
@@ -233,8 +248,9 @@ impl Stream for Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        if let Some(controls) = &self.restore {
+        if let Some((controls, note)) = &self.restore {
             controls.restore(&self.device);
+            note.iter().for_each(Note::remove);
         }
     }
 }

@@ -46,7 +46,7 @@ impl CameraArgs {
     after_help = "Example:\n  raven-capture record --left serial:2B4F91C0 --right serial:77D03A12 --robot ros://robot:11311/ravenstate -o session.mcap\n  \
                   raven-capture record --ros-master http://robot:11311 --topic /ravenstate --topic /joint_states -o session.mcap\n\n\
                   Ctrl-C ends the recording and completes the file; a second one aborts. Until then it is called session.mcap.active, and\n\
-                  `raven-capture check --recover` reads it if everything else fails.\n\n\
+                  all programs here open it by that name too: a kill costs the last second, and nothing else.\n\n\
                   Exit codes: 0 recorded, 1 failed, 2 wrong arguments, 3 recorded, but data were lost."
 )]
 pub struct Args {

@@ -1,6 +1,7 @@
 //! `raven-capture record`: cameras and topics of a robot in one file, each frame and message as it came and when it came.
 
 pub mod args;
+mod disk;
 pub mod live;
 pub mod pace;
 mod recording;
@@ -30,6 +31,7 @@ use self::writer::{Plan, Writer};
 use crate::camera::source::{CameraSource, Ready, Sink};
 use crate::camera::{Driver, Encoding};
 use crate::clock::SessionClock;
+use crate::robot_trial::disagreement;
 use crate::ros1::{Endpoint, Node, Subscription, TopicAddress};
 
 /// How often the command looks up from waiting.
@@ -115,6 +117,9 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
         shown.into_iter().map(|Shown { topic, camera, counters }| TopicSummary { topic, camera, counts: counters.read() }).collect();
     let summary = Summary::new(written, seconds, topics, skew);
     summary.lost.iter().for_each(|sentence| cli::warn(sentence));
+    // A camera's stamps are of this machine's own clock.
+    let of_robots = summary.topics.iter().filter(|topic| topic.camera.is_none());
+    of_robots.filter_map(|topic| disagreement(&topic.topic, &topic.counts)).for_each(|sentence| cli::warn(&sentence));
     if args.json.as_deref() != Some(Path::new("-")) {
         out.write_all(summary.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     }
@@ -130,7 +135,7 @@ fn session(args: &Args, wanted: &[(String, TopicAddress)], clock: SessionClock) 
     session.insert("tool".to_owned(), concat!("raven-capture ", env!("CARGO_PKG_VERSION")).to_owned());
     session.insert("epoch_ns".to_owned(), clock.epoch_ns().to_string());
     for (name, TopicAddress { master, topic }) in wanted {
-        session.insert(format!("source {name}"), format!("ros://{}:{}{topic}", master.host, master.port));
+        session.insert(format!("source {name}"), format!("ros://{}{topic}", master.authority()));
     }
     session
 }

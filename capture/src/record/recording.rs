@@ -8,11 +8,14 @@ use std::time::{Duration, Instant};
 use raven::log::{LogWriter, active_name, complete};
 use raven::{Error, Result};
 
+use super::disk::Disk;
 use super::source::{Counters, Entry};
 use super::writer::{Plan, Progress, free_bytes, megabytes};
 
 /// How often everything is put on the disk, both clocks are read, and free space is looked at: what a power cut costs at most.
 const TICK: Duration = Duration::from_secs(1);
+/// How often everything is handed to the operating system: what a kill costs, and on a busy machine half of what it may cost.
+const FLUSH: Duration = Duration::from_millis(500);
 /// Bytes after which a chunk is ended, just below the container's own limit: so it is known which messages are in the file for good.
 const CHUNK_BYTES: usize = 900_000;
 /// How soon the end is noticed.
@@ -22,6 +25,7 @@ const GLANCE: Duration = Duration::from_millis(50);
 pub(super) struct Recording {
     plan: Plan,
     log: Option<LogWriter>,
+    disk: Option<Disk>,
     /// The part being written, from its creation to its end.
     open: Option<PathBuf>,
     files: Vec<PathBuf>,
@@ -41,7 +45,8 @@ impl Recording {
     /// If it exists or cannot be written.
     pub(super) fn begin(plan: Plan, progress: Arc<Progress>) -> Result<Self> {
         let (files, chunk) = (Vec::new(), Vec::new());
-        let mut recording = Self { plan, log: None, open: None, files, earlier_bytes: 0, good_bytes: 0, chunk_bytes: 0, chunk, progress };
+        let mut recording =
+            Self { plan, log: None, disk: None, open: None, files, earlier_bytes: 0, good_bytes: 0, chunk_bytes: 0, chunk, progress };
         match recording.begin_part() {
             Ok(()) => Ok(recording),
             Err(error) => {
@@ -62,17 +67,23 @@ impl Recording {
     }
 
     fn record(&mut self, queue: &Receiver<Entry>) -> Result<()> {
-        let mut next_tick = Instant::now() + TICK;
+        let (mut next_flush, mut next_tick) = (Instant::now() + FLUSH, Instant::now() + TICK);
         loop {
-            match queue.recv_timeout(next_tick.saturating_duration_since(Instant::now()).min(GLANCE)) {
+            match queue.recv_timeout(next_flush.saturating_duration_since(Instant::now()).min(GLANCE)) {
                 Ok(entry) => self.take(&entry)?,
                 Err(RecvTimeoutError::Timeout) if !self.progress.asked_to_end() => {}
                 Err(_) => return self.tick().map(|_| ()),
             }
-            if Instant::now() < next_tick {
+            let now = Instant::now();
+            if now < next_flush {
                 continue;
             }
-            next_tick = Instant::now() + TICK;
+            next_flush = now + FLUSH;
+            if now < next_tick {
+                self.end_chunk()?;
+                continue;
+            }
+            next_tick = now + TICK;
             let free = self.tick()?;
             if free < self.plan.min_space_bytes {
                 let (free, least) = (megabytes(free), megabytes(self.plan.min_space_bytes));
@@ -106,15 +117,15 @@ impl Recording {
         Ok(())
     }
 
-    /// Puts everything on the disk with a reading of both clocks, and returns the free space.
+    /// Has everything put on the disk with a reading of both clocks, and returns the free space.
     fn tick(&mut self) -> Result<u64> {
         if let Some(log) = &mut self.log {
             let (stamp, sample) = self.plan.clock.sample();
             log.clock(stamp, sample)?;
         }
         self.end_chunk()?;
-        if let Some(log) = &self.log {
-            log.sync()?;
+        if let Some(disk) = &self.disk {
+            disk.sync()?;
         }
         let free = free_bytes(&self.plan.path)?;
         self.progress.set(self.earlier_bytes + self.good_bytes, free);
@@ -124,7 +135,9 @@ impl Recording {
     fn begin_part(&mut self) -> Result<()> {
         let path = self.plan.part(self.files.len());
         let mut log = LogWriter::live(&path)?;
+        let active = active_name(&path);
         self.open = Some(path);
+        self.disk = Some(Disk::of(&active)?);
         let mut records = self.plan.records.clone();
         if let (Some((_, session)), Some(_)) = (records.first_mut(), self.plan.split_bytes) {
             session.insert("part".to_owned(), self.files.len().to_string());

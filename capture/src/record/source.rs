@@ -14,9 +14,9 @@ use raven::log::{FrameLosses, FrameMeta, LogWriter, Stamp};
 use super::pace::Pace;
 use crate::clock::Arrival;
 
-/// Samples that may wait: 16 s of a robot at 1 kHz, longer than a disk is ever busy with itself.
-const QUEUE_SAMPLES: usize = 1 << 14;
-/// Bytes that may wait: 7 s of two raw cameras.
+/// Samples that may wait: a minute of a robot at 1 kHz, since a machine that is busy with others may stop a writer for a good part of one.
+const QUEUE_SAMPLES: usize = 1 << 16;
+/// Bytes that may wait: a minute of that and two MJPG cameras, 7 s of two raw ones.
 const QUEUE_BYTES: usize = 256 << 20;
 /// Stamps of a camera's latest frames that are kept: some seconds, for the skew between the cameras.
 const RECENT: usize = 128;
@@ -87,6 +87,7 @@ struct Frames {
 #[derive(Debug, Default)]
 struct Times {
     pace: Pace,
+    least_lag_s: Option<f64>,
     /// First and last arrival.
     arrivals: Option<[Arrival; 2]>,
 }
@@ -112,6 +113,8 @@ pub struct Counts {
     pub longest_interval_s: Option<f64>,
     /// System time of the last arrival minus the stamp of that message (s).
     pub lag_s: Option<f64>,
+    /// The least of that over all messages (s): below 0 where the clocks of publisher and recorder disagree.
+    pub least_lag_s: Option<f64>,
     /// Of a camera: its frames, and what went wrong with them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<FrameLosses>,
@@ -175,6 +178,7 @@ impl Counters {
             gaps: times.pace.gaps(),
             longest_interval_s: times.pace.longest_s(),
             lag_s: last.zip(times.pace.last()).map(|(last, stamp)| Stamp(last.realtime_ns).seconds_since(stamp)),
+            least_lag_s: times.least_lag_s,
             frames: self.frames.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(|frames| frames.losses),
             median_interval_s: times.pace.median_s(),
             rate_hz: lasted_s.filter(|lasted_s| *lasted_s > 0.0).map(|lasted_s| received.saturating_sub(1) as f64 / lasted_s),
@@ -206,6 +210,8 @@ impl Feed {
         {
             let mut times = counters.times.lock().unwrap_or_else(PoisonError::into_inner);
             times.pace.take(measured);
+            let lag_s = Stamp(arrival.realtime_ns).seconds_since(measured);
+            times.least_lag_s = Some(times.least_lag_s.map_or(lag_s, |least| least.min(lag_s)));
             times.arrivals = Some([times.arrivals.map_or(arrival, |[first, _]| first), arrival]);
         }
         let before = self.waiting.fetch_add(bytes, Ordering::Relaxed);

@@ -23,6 +23,13 @@ pub struct Endpoint {
 }
 
 impl Endpoint {
+    /// Host and port as they stand in addresses.
+    #[must_use]
+    pub fn authority(&self) -> String {
+        let Self { host, port } = self;
+        if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
+    }
+
     /// Connects, without Nagle's delay.
     ///
     /// # Errors
@@ -50,8 +57,7 @@ impl Endpoint {
 
 impl fmt::Display for Endpoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { host, port } = self;
-        if host.contains(':') { write!(f, "http://[{host}]:{port}/") } else { write!(f, "http://{host}:{port}/") }
+        write!(f, "http://{}/", self.authority())
     }
 }
 
@@ -123,6 +129,9 @@ mod tests {
         for wrong in ["robot:11311", "http://robot", "http://:1", "http://robot:0", "http://robot:99999", "http://a b:1", ""] {
             assert!(endpoint(wrong).is_err(), "{wrong}");
         }
+        let topic = "ros://[fd00::2]:11311/ravenstate".parse::<TopicAddress>().unwrap();
+        assert_eq!((topic.master.host.as_str(), topic.master.authority().as_str()), ("fd00::2", "[fd00::2]:11311"));
+        assert_eq!("ros://[fe80::1%eth0]/ravenstate".parse::<TopicAddress>().unwrap().master.port, 11311);
         let topic = "ros://robot/arm/measured_js".parse::<TopicAddress>().unwrap();
         assert_eq!((topic.master.port, topic.topic.as_str()), (11311, "/arm/measured_js"));
         for wrong in ["ros://robot:11311", "ros://robot:11311/", "ros://robot/a//b", "/ravenstate", "ros://robot/a b"] {

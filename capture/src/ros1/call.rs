@@ -18,7 +18,7 @@ const CALL_LIMIT: Duration = Duration::from_secs(3);
 pub fn call(peer: &str, at: &Endpoint, method: &str, parameters: &[Value]) -> Result<Value, Fault> {
     let lost = |source| Fault::Lost { peer: peer.to_owned(), source };
     let mut stream = Timed::new(at.connect(peer)?, CALL_LIMIT).map_err(lost)?;
-    let head = format!("Host: {}:{}\r\nUser-Agent: raven-capture\r\n", at.host, at.port);
+    let head = format!("Host: {}\r\nUser-Agent: raven-capture\r\n", at.authority());
     stream.write_all(&HttpMessage::bytes("POST / HTTP/1.1", &head, &write_call(method, parameters))).map_err(lost)?;
     let answer = HttpMessage::read(&mut BufReader::new(stream)).map_err(|fault| fault.of(peer))?;
     let malformed = |what| ReadFault::Malformed(what).of(peer);

@@ -151,7 +151,10 @@ impl Order {
 fn endpoint_of(answer: &Value) -> Option<Endpoint> {
     let Some([protocol, host, port]) = answer.list() else { return None };
     let port = u16::try_from(port.integer()?).ok().filter(|port| *port > 0)?;
-    (protocol.text()? == "TCPROS").then_some(Endpoint { host: host.text()?.to_owned(), port })
+    let host = host.text()?;
+    // Some write a number of IPv6 as in an address.
+    let host = host.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(host).to_owned();
+    (protocol.text()? == "TCPROS").then_some(Endpoint { host, port })
 }
 
 fn keep_alive(stream: &TcpStream) -> rustix::io::Result<()> {

@@ -1,6 +1,7 @@
 //! The node: known to the master for as long as it runs, with one link per publisher of each topic.
 
 use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, ToSocketAddrs};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
@@ -68,7 +69,8 @@ impl Node {
         let stop = Arc::new(AtomicBool::new(false));
         let shared = Arc::new(Shared { master: master.clone(), caller_id, topics, stop, notices });
         let answering = Arc::clone(&shared);
-        let server = Server::start(0, move |method, parameters| answering.answer(method, parameters)).map_err(unreachable)?;
+        let server = Server::start(interfaces_of(&host), 0, move |method, parameters| answering.answer(method, parameters));
+        let server = server.map_err(unreachable)?;
         let own = Endpoint { host, port: server.port() }.to_string();
         let mut node = Self { shared, watcher: None, server: Some(server), own: own.clone() };
         node.shared.register(&own)?;
@@ -223,4 +225,10 @@ fn own_host(master: &Endpoint) -> Result<String, Fault> {
     let peer = master_at(master);
     let seen = master.connect(&peer)?.local_addr();
     seen.map(|address| address.ip().to_string()).map_err(|source| Fault::Unreachable { peer, source })
+}
+
+/// All interfaces by which others can reach this machine under that name: those of IPv6 too if it has no address of IPv4.
+fn interfaces_of(host: &str) -> IpAddr {
+    let only_new = (host, 0).to_socket_addrs().is_ok_and(|mut addresses| addresses.all(|address| address.is_ipv6()));
+    if only_new { Ipv6Addr::UNSPECIFIED.into() } else { Ipv4Addr::UNSPECIFIED.into() }
 }

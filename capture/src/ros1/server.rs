@@ -1,7 +1,7 @@
 //! A server of remote calls: what masters and nodes call a node by.
 
 use std::io::{self, BufReader, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
@@ -16,20 +16,24 @@ const REQUEST_LIMIT: Duration = Duration::from_secs(2);
 /// A running server; it ends when dropped.
 #[derive(Debug)]
 pub struct Server {
-    port: u16,
+    at: SocketAddr,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Server {
-    /// Starts a server on a port of all interfaces, 0 for any that is free. `answer` gets method and parameters of each call; what it returns in words becomes a
-    /// fault of XML-RPC.
+    /// Starts a server on a port of these interfaces, 0 for any that is free. `answer` gets method and parameters of each call; what it returns in
+    /// words becomes a fault of XML-RPC.
     ///
     /// # Errors
     /// If the port is not free.
-    pub fn start(port: u16, answer: impl Fn(&str, &[Value]) -> Result<Value, String> + Send + 'static) -> io::Result<Self> {
-        let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, port))?;
-        let port = listener.local_addr()?.port();
+    pub fn start(
+        interfaces: IpAddr,
+        port: u16,
+        answer: impl Fn(&str, &[Value]) -> Result<Value, String> + Send + 'static,
+    ) -> io::Result<Self> {
+        let listener = TcpListener::bind((interfaces, port))?;
+        let at = listener.local_addr()?;
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let serve = move || {
@@ -42,13 +46,13 @@ impl Server {
             }
         };
         let thread = thread::Builder::new().name("remote calls".to_owned()).spawn(serve)?;
-        Ok(Self { port, stop, thread: Some(thread) })
+        Ok(Self { at, stop, thread: Some(thread) })
     }
 
     /// The port it listens on.
     #[must_use]
     pub const fn port(&self) -> u16 {
-        self.port
+        self.at.port()
     }
 }
 
@@ -56,7 +60,8 @@ impl Drop for Server {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         // A connection wakes the thread; without one it would wait for the next call.
-        let woken = TcpStream::connect_timeout(&SocketAddr::from((Ipv4Addr::LOCALHOST, self.port)), REQUEST_LIMIT);
+        let here: IpAddr = if self.at.is_ipv6() { Ipv6Addr::LOCALHOST.into() } else { Ipv4Addr::LOCALHOST.into() };
+        let woken = TcpStream::connect_timeout(&(here, self.at.port()).into(), REQUEST_LIMIT);
         if let (Ok(_), Some(thread)) = (woken, self.thread.take()) {
             let _panicked = thread.join();
         }

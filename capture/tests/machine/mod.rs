@@ -5,12 +5,11 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, ImageEncoder};
 use raven::log::{FrameData, FrameLosses, Side, Survey, frames};
 
-/// Pictures that each webcam has; it sends them one after the other, over and over.
-pub const PICTURES: usize = 40;
+pub use crate::lab::film::PICTURES;
+use crate::lab::{aloud, example, film};
+
 /// Programs without which there is no machine.
 const NEEDED: [&str; 7] = ["qemu-system-x86_64", "apt-get", "dpkg-deb", "cpio", "modprobe", "ldd", "strip"];
 /// After so long it is taken for hung [s].
@@ -43,11 +42,6 @@ pub fn machine() -> Option<&'static Machine> {
         }
     };
     MACHINE.get_or_init(start).as_ref()
-}
-
-/// Says something past the harness, which keeps the output of tests that pass to itself.
-fn aloud(sentence: &str) {
-    let _unheard = Command::new("sh").args(["-c", "echo \"$1\" >&2", "sh", sentence]).status();
 }
 
 /// Processor time, of everything and of this process's children (1/100 s).
@@ -86,10 +80,7 @@ fn run() -> Result<Machine, String> {
     }
     let (folder, here) = (Path::new(env!("CARGO_TARGET_TMPDIR")).join("vm"), Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vm"));
     let program = PathBuf::from(env!("CARGO_BIN_EXE_raven-capture"));
-    let examples = ["virtual_webcam", "virtual_robot", "set_control"].map(|name| program.with_file_name("examples").join(name));
-    if let Some(absent) = examples.iter().find(|example| !example.exists()) {
-        return Err(format!("{} is not built; `cargo build --release -p raven-capture --examples` builds it", absent.display()));
-    }
+    let examples: Vec<PathBuf> = ["virtual_webcam", "virtual_robot", "set_control"].into_iter().map(example).collect::<Result<_, _>>()?;
     let prepared = Command::new(here.join("prepare")).arg(&folder).arg(&program).args(&examples).output().unwrap();
     if !prepared.status.success() {
         return Err(format!("it cannot be made: {}", String::from_utf8_lossy(&prepared.stderr).trim()));
@@ -98,8 +89,9 @@ fn run() -> Result<Machine, String> {
     let _none_before = std::fs::remove_dir_all(&share);
     for (side, seed) in [(Side::Left, 1), (Side::Right, 2)] {
         std::fs::create_dir_all(share.join(side.name())).unwrap();
-        (0..PICTURES)
-            .for_each(|number| std::fs::write(share.join(format!("{}/{number:03}.jpg", side.name())), picture(seed, number)).unwrap());
+        for number in 0..PICTURES {
+            std::fs::write(share.join(format!("{}/{number:03}.jpg", side.name())), film::picture(seed, number)).unwrap();
+        }
     }
     std::fs::copy(here.join("run.sh"), share.join("run.sh")).unwrap();
     let files = format!("local,id=files,path={},security_model=none", share.display());
@@ -144,21 +136,6 @@ fn run() -> Result<Machine, String> {
     Ok(machine)
 }
 
-/// A JPEG of some 40 kB that no other number has: a gradient with noise.
-fn picture(seed: u32, number: usize) -> Vec<u8> {
-    let mut noise = seed.wrapping_mul(7919).wrapping_add(number as u32) | 1;
-    let mut pixels = Vec::with_capacity(640 * 480);
-    for i in 0..640 * 480_u32 {
-        noise ^= noise << 13;
-        noise ^= noise >> 17;
-        noise ^= noise << 5;
-        pixels.push(((i % 640 + 16 * number as u32) / 4 % 200 + noise % 16) as u8);
-    }
-    let mut jpeg = Vec::new();
-    JpegEncoder::new_with_quality(&mut jpeg, 50).write_image(&pixels, 640, 480, ExtendedColorType::L8).unwrap();
-    jpeg
-}
-
 impl Machine {
     /// Whether nothing was damaged, cut off or repeated, and, where the machine had the processors to itself, no more than [`HICCUPS`] of the
     /// frames were missing and no more than [`LATE`] of them late.
@@ -192,7 +169,12 @@ impl Machine {
 
     /// What is in a recording; it must be whole.
     pub fn survey(&self, name: &str) -> Survey {
-        let survey = Survey::of(&self.file(name)).unwrap_or_else(|e| panic!("{e} {}", self.text(&format!("{name}.err"))));
+        self.survey_of(&format!("{name}.mcap"))
+    }
+
+    /// The same of a file that is called like this.
+    pub fn survey_of(&self, file: &str) -> Survey {
+        let survey = Survey::of(&self.share.join(file)).unwrap_or_else(|e| panic!("{e} {}", self.text("run.log")));
         assert_eq!(survey.damage, None);
         survey
     }

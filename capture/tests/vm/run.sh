@@ -55,6 +55,16 @@ cp /mnt/left.log /mnt/left-locked.log
 record mjpg60 --left serial:L1 --right serial:R1 --fps 60 --exposure 8 --duration 3.4
 record yuyv --right serial:R1 --format yuyv --fps 15 --no-lock --duration 1.5
 raven-capture check --devices --left serial:L1 --right serial:R1 --seconds 1 --folder /tmp --json /mnt/devices.json > /mnt/devices.out 2> /mnt/devices.err
+
+# A recording that is killed leaves the left webcam locked; the next one puts it back first.
+raven-capture record --left serial:L1 --min-space 1 -o /tmp/killed.mcap > /dev/null 2>&1 &
+sleep 3.2
+kill -9 $!
+sleep 0.2
+cp /mnt/left.log /mnt/left-killed.log
+mv /tmp/killed.mcap.active /mnt/
+record after --left serial:L1 --no-lock --duration 0.5
+cp /mnt/left.log /mnt/left-put-back.log
 killall virtual_webcam
 sleep 0.7
 

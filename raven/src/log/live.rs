@@ -1,7 +1,9 @@
 //! A log that is recorded while it is written: it must be readable whatever happens to program or machine.
 //!
 //! It is called `NAME.mcap.active` until it is complete. Its chunks are written whole, never patched afterwards, so what has been flushed stays
-//! good: [`super::recover`] reads a file that was cut off up to the cut.
+//! good. Behind it stands the end of a file without an index, over which the next chunk is written: whenever the program is killed, readers that
+//! can do without an index take what is there for a whole file. Only a kill in the middle of a write leaves a part of a chunk, and a file that
+//! they take up to there.
 
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
@@ -44,13 +46,20 @@ impl LogWriter {
     }
 
     /// Ends the chunk and hands everything written so far to the operating system, which keeps it if this program is killed. Returns the bytes
-    /// of the file, all of them good.
+    /// of the file that are good for ever; what ends a live log for now stands behind them.
     ///
     /// # Errors
     /// If the disk is full.
     pub fn flush(&mut self) -> Result<u64> {
         self.writer.flush().map_err(|e| fault(&self.path, e))?;
-        Ok(self.file.metadata().map_err(|e| Error::io(&self.path, "look at", e))?.len())
+        let failed = |e| Error::io(&self.path, "write", e);
+        // Both handles share their place in the file, so the writer goes on where this one leaves it.
+        let good_bytes = self.file.stream_position().map_err(failed)?;
+        if matches!(self.place, Place::Active(_)) {
+            self.file.write_all(&ending()).map_err(failed)?;
+            self.file.seek(SeekFrom::Start(good_bytes)).map_err(failed)?;
+        }
+        Ok(good_bytes)
     }
 
     /// Puts what was flushed on the disk, which keeps it if the power fails.

@@ -39,6 +39,14 @@ pub struct TopicSurvey {
     pub quality: StreamQuality,
 }
 
+impl TopicSurvey {
+    /// Whether its messages are joint states, in ROS 1 or protobuf.
+    #[must_use]
+    pub fn has_joint_states(&self) -> bool {
+        ["sensor_msgs/JointState", "foxglove.JointStates"].contains(&self.schema.as_str())
+    }
+}
+
 /// What became of the tracked point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct TipCounts {
@@ -157,14 +165,24 @@ impl Survey {
         self.topics.iter().find(|topic| topic.topic == name && topic.quality.messages > 0)
     }
 
+    /// Where the motors are: the robot's own message, or joint states, on `/motor/joint_states` before any other topic that is none of ours.
+    #[must_use]
+    pub fn motor_source(&self) -> Option<MotorSource> {
+        let joint_states =
+            |topic: &str| MotorSource { topic: topic.to_owned(), format: SourceFormat::JointState, ..MotorSource::default() };
+        if let Some(state) = self.topic(topics::RAVEN_STATE) {
+            return Some(if state.has_joint_states() { joint_states(topics::RAVEN_STATE) } else { MotorSource::default() });
+        }
+        let not_motors = [topics::JOINT_ENCODERS, topics::ESTIMATE_KINEMATIC, topics::ESTIMATE_CAMERA, topics::ESTIMATE_FILTER];
+        let other =
+            |topic: &&TopicSurvey| topic.quality.messages > 0 && topic.has_joint_states() && !not_motors.contains(&topic.topic.as_str());
+        let motors = self.topic(topics::MOTOR_JOINT_STATES).or_else(|| self.topics.iter().find(other))?;
+        Some(joint_states(&motors.topic))
+    }
+
     /// What computations will find in motors, joints and tip. It takes a whole file.
     fn look_into_numbers(&mut self) {
-        let source = if self.topic(topics::RAVEN_STATE).is_some() {
-            MotorSource::default()
-        } else {
-            let (topic, format) = (topics::MOTOR_JOINT_STATES.to_owned(), SourceFormat::JointState);
-            MotorSource { topic, format, ..MotorSource::default() }
-        };
+        let source = self.motor_source().unwrap_or_default();
         let Ok(recording) = Recording::read(&self.path, &source) else { return };
         self.torque_recorded = recording.motor.as_ref().map(|motor| motor.effort.is_some());
         if recording.topics.contains_key(topics::TIP) {

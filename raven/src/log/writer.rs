@@ -63,7 +63,7 @@ pub struct LogWriter {
     pub(super) path: PathBuf,
     pub(super) writer: Writer<NoSeek<BufWriter<File>>>,
     pub(super) file: File,
-    place: Place,
+    pub(super) place: Place,
     channels: HashMap<&'static str, ChannelId>,
     last: Stamp,
 }
