@@ -152,13 +152,13 @@ pub fn exposure(milliseconds: f64) -> Held {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::cell::RefCell;
 
     use super::*;
 
     /// A camera whose automatics move what they adjust, and refuse to have it set.
-    struct Fake(RefCell<BTreeMap<u32, i64>>);
+    pub struct Fake(pub RefCell<BTreeMap<u32, i64>>);
 
     impl Panel for Fake {
         fn get(&self, id: u32) -> Option<i64> {

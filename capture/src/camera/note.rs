@@ -73,23 +73,10 @@ impl Note {
 mod tests {
     use std::cell::RefCell;
     use std::collections::BTreeMap;
-    use std::io;
 
     use super::super::controls::Held;
+    use super::super::controls::tests::Fake;
     use super::*;
-
-    struct Fake(RefCell<BTreeMap<u32, i64>>);
-
-    impl Panel for Fake {
-        fn get(&self, id: u32) -> Option<i64> {
-            self.0.borrow().get(&id).copied()
-        }
-
-        fn set(&self, id: u32, value: i64) -> io::Result<()> {
-            self.0.borrow_mut().insert(id, value);
-            Ok(())
-        }
-    }
 
     #[test]
     fn a_camera_is_put_back_once_and_only_its_own() {
