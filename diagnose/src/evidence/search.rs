@@ -296,7 +296,8 @@ impl Fitter<'_> {
 
     /// Whether a hypothesis is more probable than a poorer one when residuals that are alike over time count for what they hold.
     fn outweighs(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
-        let score = |h: &Hypothesis| self.tempered(h, &outcome.leftover) + prior::log(h.effects.len(), outcome.effects);
+        let evidence = |h: &Hypothesis| outcome.fitted.get(&h.effects).map_or(f64::NEG_INFINITY, |(_, evidence)| *evidence);
+        let score = |h: &Hypothesis| evidence(h) + prior::log(h.effects.len(), outcome.effects);
         let [r, others] = [richer, poorer].map(|h| outcome.leftover.weighted(&h.residuals, self.rows.tip_rows()));
         let [stated, agreed] = paired::ratio(&r, &others, &self.blocks(&richer.residuals));
         score(richer) - score(poorer) - stated + agreed > 0.0
