@@ -5,12 +5,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use raven::cli::{self, Outcome};
-use raven::log::{FrameLosses, Recovery, Side, Survey, TopicSurvey, recover, topics};
+use raven::log::{FrameLosses, Lag, Recovery, Side, Survey, TopicSurvey, recover, topics};
 use raven::{Error, Result};
 use serde::Serialize;
 
 use crate::devices;
 use crate::record::summary::camera_table;
+use crate::robot_trial::disagreement;
 use crate::steps::{Step, steps};
 use crate::table::table;
 
@@ -74,6 +75,8 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     if survey.damage.is_some() && recovery.is_none() {
         cli::warn(&format!("{}: the log is damaged; `--recover -o OUT.mcap` saves what can be read.", file.display()));
     }
+    let disagreeing = |topic: &TopicSurvey| disagreement(&topic.topic, topic.lag.map(|lag| lag.least_s));
+    survey.topics.iter().filter_map(disagreeing).for_each(|sentence| cli::warn(&sentence));
     let active = file.extension().is_some_and(|extension| extension == "active");
     if active {
         cli::warn(&format!("{}: {UNFINISHED}.", file.display()));
@@ -113,6 +116,7 @@ fn render(survey: &Survey, steps: &[Step]) -> String {
             "clock: the system clock moved {moved:.3} ms against the recorder's, at most {step:.3} ms from one reading to the next"
         ));
     }
+    lines.extend(survey.topics.iter().filter_map(|topic| topic.lag.map(|lag| drift(&topic.topic, lag))));
     lines.extend(survey.tip.map(|tip| format!("tip: {} seen, {} occluded, {} jumped", tip.seen, tip.occluded, tip.jumped)));
     if survey.torque_recorded == Some(false) {
         lines.push("motors: torque was not recorded".to_owned());
@@ -125,6 +129,16 @@ fn render(survey: &Survey, steps: &[Step]) -> String {
     lines.extend(table(&steps.iter().map(|step| vec![step.program.to_owned(), answer(step), step.note.clone()]).collect::<Vec<_>>(), 2));
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// How the clock of a topic's stamps went against the recorder's.
+fn drift(topic: &str, lag: Lag) -> String {
+    let (first_ms, ppm, slack_ms) = (1e3 * lag.first_s, 1e6 * lag.drift, 1e3 * lag.slack_s);
+    let goes = if lag.drift < 0.0 { "gains" } else { "loses" };
+    format!(
+        "{topic}: {first_ms:.3} ms from stamp to arrival at the start, its clock {goes} {:.2} ppm on the recorder's; both within {slack_ms:.3} ms",
+        ppm.abs()
+    )
 }
 
 fn topic_rows(survey: &Survey, origin: Option<raven::log::Stamp>) -> Vec<Vec<String>> {
@@ -172,7 +186,7 @@ fn remarks(topic: &TopicSurvey, losses: &BTreeMap<Side, FrameLosses>) -> Vec<Str
 
 #[cfg(test)]
 mod tests {
-    use raven::log::{LogWriter, RavenState, Stamp};
+    use raven::log::{LogWriter, RavenState, Stamp, Times};
 
     use super::*;
     use clap::Parser;
@@ -223,6 +237,24 @@ mod tests {
         assert_eq!(json["topics"][1]["topic"], topics::RAVEN_STATE);
         assert_eq!(json["topics"][1]["gaps"], 0);
         assert_eq!(json["steps"][2]["ready"], true);
+    }
+
+    #[test]
+    fn the_robots_clock_is_held_against_the_recorders() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("session.mcap");
+        let mut log = LogWriter::create(&file).unwrap();
+        for k in 0..600_u64 {
+            let arrived = Stamp(1_700_000_000_000_000_000 + k * 100_000_000);
+            // The robot's clock is 3 ms behind, and loses 50 us a second.
+            let measured = arrived.plus_seconds(-0.003 - 50e-6 * 0.1 * k as f64);
+            log.robot_state(Times { measured, arrived }, &RavenState::default()).unwrap();
+        }
+        log.finish().unwrap();
+        let (_, text) = check(&[file.to_str().unwrap()]);
+        let line =
+            "/ravenstate: 3.000 ms from stamp to arrival at the start, its clock loses 50.00 ppm on the recorder's; both within 0.000 ms";
+        assert!(text.contains(line), "{text}");
     }
 
     #[test]

@@ -202,7 +202,7 @@ impl Preflight {
         if counts.received == 0 {
             self.problems.push(format!("{topic}: no message came."));
         }
-        self.problems.extend(disagreement(topic, &counts));
+        self.problems.extend(disagreement(topic, counts.least_lag_s));
         if self.clock_kept == Some(false) {
             self.problems.push(format!("no time service keeps this machine's clock: it drifts against that of {}.", address.master.host));
         }

@@ -37,10 +37,10 @@ pub fn robot_trial(address: &TopicAddress, time: Duration) -> Result<Counts> {
     Ok(counters.read())
 }
 
-/// A sentence about a topic whose stamps and this machine's clock disagree.
+/// A sentence about a topic whose stamps and the recorder's clock disagree, by the least time from stamp to arrival.
 #[must_use]
-pub fn disagreement(topic: &str, counts: &Counts) -> Option<String> {
-    let lag_s = counts.least_lag_s?;
+pub fn disagreement(topic: &str, least_lag_s: Option<f64>) -> Option<String> {
+    let lag_s = least_lag_s?;
     let (size_ms, words) = match lag_s {
         _ if lag_s < -AHEAD_S => (-1e3 * lag_s, "later than their arrival: the clock of the machine that stamps them is ahead"),
         _ if lag_s > BEHIND_S => (1e3 * lag_s, "before their arrival at the least: the clock of the machine that stamps them is behind"),
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn clocks_that_disagree_are_told_from_messages_on_their_way() {
-        let said = |lag_s: Option<f64>| disagreement("/ravenstate", &Counts { least_lag_s: lag_s, ..Counts::default() });
+        let said = |lag_s: Option<f64>| disagreement("/ravenstate", lag_s);
         assert_eq!([said(None), said(Some(2e-4)), said(Some(0.02)), said(Some(-5e-4))], [None, None, None, None]);
         assert!(said(Some(-0.25)).unwrap().starts_with("/ravenstate: its stamps are 250.0 ms later than their arrival"));
         assert!(said(Some(0.5)).unwrap().starts_with("/ravenstate: its stamps are 500.0 ms before their arrival"));

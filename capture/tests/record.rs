@@ -148,6 +148,22 @@ fn ctrl_c_completes_the_file() {
     }
 }
 
+/// Both signals come while the program is stopped, so that the second finds it before it could finish.
+#[test]
+fn a_second_ctrl_c_ends_it_at_once_and_leaves_what_was_flushed() {
+    let folder = tempfile::tempdir().unwrap();
+    let master = Master::start(0);
+    let publisher = Publisher::start(&master.at(), TOPIC);
+    let mut child = spawn(folder.path(), &master.at(), "");
+    wait_for("the subscriber", || publisher.subscribers() == 1);
+    publisher.stream(0..100, 1000.0, || true);
+    let active = active_name(&folder.path().join("session.mcap"));
+    wait_for("the messages", || numbers(&active, TOPIC).0.len() == 100);
+    ["-STOP", "-INT", "-TERM", "-CONT"].into_iter().for_each(|name| signal(&child, name));
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(numbers(&active, TOPIC), ((0..100).collect(), true));
+}
+
 /// A limit on the size of files stands in for a full disk: the write fails in the same place.
 #[test]
 fn a_disk_that_takes_no_more_ends_the_recording_and_keeps_what_is_whole() {

@@ -119,7 +119,7 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
     summary.lost.iter().for_each(|sentence| cli::warn(sentence));
     // A camera's stamps are of this machine's own clock.
     let of_robots = summary.topics.iter().filter(|topic| topic.camera.is_none());
-    of_robots.filter_map(|topic| disagreement(&topic.topic, &topic.counts)).for_each(|sentence| cli::warn(&sentence));
+    of_robots.filter_map(|topic| disagreement(&topic.topic, topic.counts.least_lag_s)).for_each(|sentence| cli::warn(&sentence));
     if args.json.as_deref() != Some(Path::new("-")) {
         out.write_all(summary.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
     }

@@ -12,6 +12,7 @@ mod converter;
 mod frames;
 mod header;
 mod joints;
+mod lag;
 mod live;
 mod losses;
 mod pixels;
@@ -33,6 +34,7 @@ mod writer;
 
 pub use clock::ClockSurvey;
 pub use frames::{CameraFrame, FrameData, Side, frame_stamps, frames};
+pub use lag::Lag;
 pub use live::{active_name, complete};
 pub use losses::FrameLosses;
 pub use pixels::is_truncated_jpeg;

@@ -9,8 +9,8 @@ use serde::Serialize;
 use super::frames::FrameDecoder;
 use super::header::{StampReader, schema_name};
 use super::{
-    CameraSkew, Channel, ClockSample, ClockSurvey, Damage, FrameLosses, FrameMeta, Item, MotorSource, RawMessage, Recording, Side, Stamp,
-    StreamQuality, TipStatus, Walker, topics,
+    CameraSkew, Channel, ClockSample, ClockSurvey, Damage, FrameLosses, FrameMeta, Item, Lag, MotorSource, RawMessage, Recording, Side,
+    Stamp, StreamQuality, TipStatus, Walker, topics,
 };
 use crate::Result;
 use crate::robot::SourceFormat;
@@ -34,6 +34,8 @@ pub struct TopicSurvey {
     pub missing_frames: u64,
     /// Messages per second.
     pub rate_hz: Option<f64>,
+    /// How the clock of a robot's stamps went against the recorder's, where arrivals were recorded.
+    pub lag: Option<Lag>,
     /// Regularity.
     #[serde(flatten)]
     pub quality: StreamQuality,
@@ -233,6 +235,8 @@ impl Reading {
 struct Stream {
     survey: TopicSurvey,
     stamps: Vec<Stamp>,
+    /// Stamps and arrivals of what may come from another machine; cameras are on the recorder's.
+    lags: Vec<(Stamp, Stamp)>,
     without_stamp: usize,
     undecodable: usize,
     last_frame: Option<u64>,
@@ -249,9 +253,10 @@ impl Stream {
             truncated_frames: 0,
             missing_frames: 0,
             rate_hz: None,
+            lag: None,
             quality: StreamQuality::default(),
         };
-        Self { survey, stamps: Vec::new(), without_stamp: 0, undecodable: 0, last_frame: None }
+        Self { survey, stamps: Vec::new(), lags: Vec::new(), without_stamp: 0, undecodable: 0, last_frame: None }
     }
 
     fn take(&mut self, reading: &Reading, message: &RawMessage<'_>) {
@@ -259,6 +264,9 @@ impl Stream {
         let own = reading.stamps.read(message.data);
         self.without_stamp += usize::from(own.is_none());
         self.stamps.push(own.unwrap_or(message.publish_time));
+        if message.channel.message_encoding == "ros1" && topics::camera_of(&message.channel.topic).is_none() {
+            self.lags.extend(own.map(|stamp| (stamp, message.log_time)));
+        }
         if let Some((side, decoder)) = &reading.frames {
             match decoder.decode(*side, message) {
                 Some(frame) => {
@@ -277,6 +285,7 @@ impl Stream {
         let (without_stamp, undecodable) = (self.without_stamp, self.undecodable);
         self.survey.quality = StreamQuality { without_stamp, undecodable, ..StreamQuality::of(&self.stamps) };
         self.survey.rate_hz = self.survey.quality.rate_hz();
+        self.survey.lag = Lag::of(&self.lags);
         self.survey
     }
 }
