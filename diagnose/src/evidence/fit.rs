@@ -30,6 +30,8 @@ const PROMISE_MIN: f64 = 0.05;
 const PART_MIN: f64 = 1e-4;
 /// Damping at the start, and the most before a fit gives up: slopes of settled links do not promise more than they can keep.
 const DAMPING: [f64; 2] = [1e-4, 10.0];
+/// A number of the nominal model is strained if it is so many of its tolerances off.
+const STRAINED: f64 = 4.0;
 /// Farthest a number is moved at once, in units of the slab.
 const STEP_MAX: f64 = 1.5;
 
@@ -97,10 +99,17 @@ impl Fitter<'_> {
         (0..self.coordinates.all.len()).filter(|&c| self.prior(c, effects).is_some()).collect()
     }
 
-    /// Whether an effect is about how a joint of `effects` follows its cable.
-    fn follows_as(&self, effect: usize, effects: &[usize]) -> bool {
+    /// Whether a number of the nominal model is far off by its tolerance.
+    pub(super) fn is_strained(&self, c: usize, u: &[f64]) -> bool {
+        self.coordinates.all[c].spike.is_some_and(|spike| u[c].abs() > STRAINED * spike)
+    }
+
+    /// Whether a number is about how a joint of `effects` follows its cable; where there are none, of any joint whose number is strained.
+    fn follows_as(&self, c: usize, effects: &[usize], start: &[f64]) -> bool {
+        let effect = self.coordinates.all[c].effect;
         let follows = matches!(self.coordinates.sited[effect].effect.id, "cable-stretch" | "link-coulomb-friction");
-        follows && effects.iter().any(|&e| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect)))
+        let with_effect = |&e: &usize| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect));
+        follows && if effects.is_empty() { self.is_strained(c, start) } else { effects.iter().any(with_effect) }
     }
 
     /// The joint whose way to follow its cable an effect changes.
@@ -197,7 +206,7 @@ impl Fitter<'_> {
         };
         let mut columns: Vec<Option<(Column, f64)>> = free.iter().map(borrowed).collect();
         let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
-        let of_joints = |k: usize| own(k) || self.follows_as(self.coordinates.all[free[k]].effect, &effects);
+        let of_joints = |k: usize| own(k) || self.follows_as(free[k], &effects, start);
         let links_of_joints = if following == Following::RolledOut { Links::RolledOut } else { Links::Settled };
         let mut damping = DAMPING[0];
         let mut information = DMatrix::zeros(0, 0);

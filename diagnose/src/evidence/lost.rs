@@ -1,8 +1,9 @@
 //! Fits that lost their way, begun again.
 //!
-//! The screen's slopes promise far too much of a joint that is held by friction, swings or floats in slack, and a fit that begins where
-//! they lead ends far from the recordings. Where the best hypothesis explains nothing, effects of that kind are fitted again from the
-//! nominal model at several sizes: first all other numbers with these held, then from the best of that everything.
+//! The screen's slopes promise far too much of a joint that is held by friction, swings or floats in slack, and a fit that goes by them ends
+//! far from the recordings; so does the nominal model's where a soft cable is within its tolerance. Where something remains, the best
+//! hypotheses and the one without effects go on by slopes of rolled-out links. Where the best of them explains nothing still, effects of
+//! that kind are fitted again from the nominal model at several sizes: first all other numbers with these held, then everything.
 
 use raven::Result;
 use rayon::prelude::*;
@@ -11,6 +12,8 @@ use super::fit::{Fitter, Following, Hypothesis};
 use super::leftover::{ACCOUNTED, Leftover};
 use super::search::Outcome;
 
+/// Hypotheses that go on closely beside the one without effects: the best so far.
+const BEST: usize = 2;
 /// Effects that are fitted again: the best so far.
 const AGAIN: usize = 2;
 /// Starts of each: some, evenly spread over those of the screen.
@@ -19,13 +22,54 @@ const STARTS_MAX: usize = 3;
 const CLOSELY: usize = 2;
 
 impl Fitter<'_> {
-    /// Fits effects again that the search may have lost. Tells whether one of them alone is better than the best hypothesis, which it then
-    /// is itself.
+    /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
-        let remains = Leftover::of(&outcome.best.residuals, self.rows.tip_rows()).remains();
-        if !remains || self.accounted(&outcome.none, &outcome.best) > ACCOUNTED {
+        let remains = |h: &Hypothesis| Leftover::of(&h.residuals, self.rows.tip_rows()).remains();
+        if !remains(&outcome.best) {
             return Ok(false);
         }
+        let mut best: Vec<Hypothesis> = outcome.fitted.values().map(|(h, _)| h.clone()).filter(|h| !h.effects.is_empty()).collect();
+        best.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        best.truncate(BEST);
+        best.push(outcome.none.clone());
+        let mut other = self.closely(outcome, &best)?;
+        if let Some((none, _)) = outcome.fitted.get(&Vec::new()) {
+            outcome.none = none.clone();
+        }
+        let none = &outcome.none;
+        let strained = none.free.iter().filter(|&&c| self.is_strained(c, &none.u)).map(|&c| self.coordinates.all[c].effect);
+        let freed =
+            strained.filter(|&effect| self.followed(effect).is_some()).map(|effect| Hypothesis { effects: vec![effect], ..none.clone() });
+        let freed: Vec<Hypothesis> = freed.collect();
+        other |= self.closely(outcome, &freed)?;
+        if remains(&outcome.best) && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED {
+            other |= self.from_sizes(outcome, nominal)?;
+        }
+        Ok(other)
+    }
+
+    /// Goes on with hypotheses by slopes of rolled-out links. Tells whether one of them is better than the best, which it then is.
+    fn closely(&self, outcome: &mut Outcome, hypotheses: &[Hypothesis]) -> Result<bool> {
+        let closely = |h: &Hypothesis| self.fit_with(&h.effects, &h.u, None, Following::RolledOut);
+        let fitted: Result<Vec<Option<Hypothesis>>> = hypotheses.par_iter().map(closely).collect();
+        let mut other = false;
+        for hypothesis in fitted?.into_iter().flatten() {
+            outcome.keep(&hypothesis);
+            let is_better = if hypothesis.effects == outcome.best.effects {
+                hypothesis.evidence > outcome.best.evidence
+            } else {
+                self.better(outcome, &hypothesis, &outcome.best)
+            };
+            if is_better {
+                outcome.best = hypothesis;
+                other = true;
+            }
+        }
+        Ok(other)
+    }
+
+    /// Fits effects of how joints follow their cables from several sizes; as [`Self::closely`].
+    fn from_sizes(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
         let mut alone: Vec<(usize, f64)> = outcome
             .known()
             .filter_map(|(effects, evidence)| if let [effect] = effects[..] { Some((effect, evidence)) } else { None })
@@ -34,8 +78,9 @@ impl Fitter<'_> {
         alone.sort_by(|a, b| b.1.total_cmp(&a.1));
         let of_effect = |&(effect, _): &(usize, f64)| {
             let starts = self.starts(effect, &nominal.u);
-            let each = starts.len().div_ceil(STARTS_MAX);
-            starts.into_iter().step_by(each.max(1)).map(move |start| (effect, start))
+            let (last, count) = (starts.len().saturating_sub(1), starts.len().min(STARTS_MAX));
+            let spread: Vec<_> = (0..count).map(|k| (effect, starts[k * last / (count - 1).max(1)].clone())).collect();
+            spread
         };
         let starts: Vec<(usize, Vec<f64>)> = alone.iter().take(AGAIN).flat_map(of_effect).collect();
         let held = |(effect, start): &(usize, Vec<f64>)| {
@@ -46,15 +91,7 @@ impl Fitter<'_> {
         let held: Result<Vec<Option<Hypothesis>>> = starts.par_iter().map(held).collect();
         let mut held: Vec<Hypothesis> = held?.into_iter().flatten().collect();
         held.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        let near = |h: &Hypothesis| self.fit_with(&h.effects, &h.u, None, Following::RolledOut);
-        let again: Result<Vec<Option<Hypothesis>>> = held[..CLOSELY.min(held.len())].par_iter().map(near).collect();
-        let again: Vec<Hypothesis> = again?.into_iter().flatten().collect();
-        again.iter().for_each(|hypothesis| outcome.keep(hypothesis));
-        let Some(best) = again.into_iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { return Ok(false) };
-        let better = self.better(outcome, &best, &outcome.best);
-        if better {
-            outcome.best = best;
-        }
-        Ok(better)
+        held.truncate(CLOSELY);
+        self.closely(outcome, &held)
     }
 }

@@ -21,7 +21,7 @@ use super::screen::Candidate;
 
 /// Most effects.
 pub const EFFECTS_MAX: usize = 3;
-/// An effect matters if it explains at least this part of what is explained in one of the channels, and so much at all [nat].
+/// An effect matters if it explains at least this part of what effects explain in one of the channels, and so much at all [nat].
 const MATERIAL: f64 = 0.005;
 const LEAST_NATS: f64 = 3.0;
 /// Or if it takes so much strain off the tolerances of the nominal model [nat].
@@ -51,8 +51,6 @@ pub struct Outcome {
     /// What the screen said of the whole library from each hypothesis that effects were added to.
     screens: BTreeMap<Vec<usize>, Vec<Candidate>>,
     effects: usize,
-    /// Whitened residuals of the nominal model as it is.
-    nominal: Vec<f64>,
 }
 
 impl Outcome {
@@ -157,7 +155,6 @@ impl Fitter<'_> {
             screened: BTreeMap::new(),
             screens: BTreeMap::new(),
             effects: self.coordinates.sited.len(),
-            nominal: nominal.residuals.clone(),
         };
         outcome.keep(&none);
         Ok(Some((nominal, outcome)))
@@ -227,7 +224,7 @@ impl Fitter<'_> {
         score(one) > score(other)
     }
 
-    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that it explains there.
+    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that effects explain there.
     fn is_material(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
         let tip_rows = self.rows.tip_rows();
         let channel = |k: usize| if k < tip_rows { 0 } else { 1 + (k - tip_rows) % 3 };
@@ -237,7 +234,7 @@ impl Fitter<'_> {
                 sum
             })
         };
-        let [all, without, with] = [&outcome.nominal, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
+        let [all, without, with] = [&outcome.none.residuals, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
         // What numbers of the nominal model have to bear without it.
         let strain = |h: &Hypothesis| {
             let spiked = h.free.iter().filter(|&&c| !h.effects.contains(&self.coordinates.all[c].effect));
