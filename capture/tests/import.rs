@@ -7,10 +7,10 @@ use std::path::Path;
 use std::process::Command;
 
 use clap::Parser;
-use lab::{DEFINITION, TYPE, in_memory, message, numbers, python};
+use lab::{DEFINITION, TYPE, in_memory, md5sum, message, numbers, python};
 use proptest::prelude::*;
 use raven::cli::Outcome;
-use raven::log::{FrameData, Side, Stamp, Survey, frames, ros1};
+use raven::log::{FrameData, Side, Stamp, Survey, frames};
 use raven_capture::import::bag::{BagFault, MAGIC, read_record};
 
 const TOPIC: &str = "/numbers";
@@ -18,10 +18,6 @@ const TOPIC: &str = "/numbers";
 fn import(input: &Path, output: &Path, more: &[&str]) -> raven::Result<Outcome> {
     let words = ["raven-capture", "import", input.to_str().unwrap(), "-o", output.to_str().unwrap()];
     raven_capture::run(raven_capture::Args::parse_from(words.iter().chain(more)), &mut Vec::new())
-}
-
-fn sum() -> String {
-    ros1::md5::md5sum(&ros1::Definition::parse(TYPE, DEFINITION).unwrap()).unwrap()
 }
 
 fn sized(bytes: &[u8]) -> Vec<u8> {
@@ -35,7 +31,7 @@ fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
 
 /// A bag with these numbers, ten to a chunk.
 fn bag(numbers: std::ops::Range<u64>, compression: &str) -> Vec<u8> {
-    let sum = sum();
+    let sum = md5sum();
     let said = [("topic", TOPIC), ("type", TYPE), ("md5sum", &sum), ("message_definition", DEFINITION), ("callerid", "/robot")];
     let said: Vec<u8> = said.iter().flat_map(|(name, value)| sized(format!("{name}={value}").as_bytes())).collect();
     let connection = record(&[("op", &[7]), ("conn", &0_u32.to_le_bytes()), ("topic", TOPIC.as_bytes())], &said);
@@ -153,7 +149,7 @@ fn bags_of_rosbag_itself_are_imported() {
     for compression in ["none", "bz2", "lz4"] {
         let (bag, log) = (file(&format!("{compression}.bag")), file(&format!("{compression}.mcap")));
         let written = Command::new(python)
-            .args(["-c", SCRIPT, &bag, compression, TYPE, &sum(), &file("definition"), &file("messages")])
+            .args(["-c", SCRIPT, &bag, compression, TYPE, &md5sum(), &file("definition"), &file("messages")])
             .output()
             .unwrap();
         assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));

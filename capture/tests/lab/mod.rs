@@ -25,6 +25,11 @@ pub const TYPE: &str = "test/Numbered";
 pub const DEFINITION: &str = "Header header\nuint64 number\nuint8[956] rest\n\
     ================================================================================\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n";
 
+/// The sum by which ROS knows that type.
+pub fn md5sum() -> String {
+    ros1::md5::md5sum(&ros1::Definition::parse(TYPE, DEFINITION).unwrap()).unwrap()
+}
+
 pub fn message(number: u64) -> Vec<u8> {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap();
     let mut data = Vec::with_capacity(980);
