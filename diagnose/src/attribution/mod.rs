@@ -109,7 +109,7 @@ impl Attribution {
     #[must_use]
     pub fn leading(&self) -> Option<&Candidate> {
         let first = self.candidates.iter().find(|candidate| candidate.id != NONE)?;
-        (self.effects.is_empty() && first.probability > NONE_MAX).then_some(first)
+        (self.effects.is_empty() && first.probability > LEADING_MIN).then_some(first)
     }
 }
 
@@ -138,9 +138,11 @@ pub struct NotObservable {
     pub because: String,
 }
 
-/// Causes are named where that there are none has no more than this probability: the level of the tests of where a gap lies, and the part of
-/// verdicts that may blame something where there is nothing.
-const NONE_MAX: f64 = 0.05;
+/// Causes are named where they are three times as probable as that there are none: positive evidence, as Kass and Raftery 1995 put it. That
+/// their sizes are beyond what sizes scatter by is asked of them besides.
+const NONE_MAX: f64 = 0.25;
+/// Probability from which on the leading candidate is spoken of where none is named.
+const LEADING_MIN: f64 = 0.05;
 
 /// Says what causes the gap of recordings of an arm or a bench. `each` hears of every step.
 ///

@@ -21,8 +21,9 @@ use super::rows::{ALL, Links, Observed};
 
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
 const DIFFERENCE: f64 = 0.02;
-/// Most steps of a fit.
+/// Most steps of a fit, and of one by slopes of rolled-out links.
 const STEPS_MAX: usize = 20;
+const CLOSE_STEPS_MAX: usize = 8;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
 const MOVED: f64 = 0.15;
 /// A fit has converged when the next step promises, or the last one brought, less than this [nat], or than this part of the cost.
@@ -31,7 +32,7 @@ const PART_MIN: f64 = 1e-4;
 /// Damping at the start, and the most before a fit gives up: slopes of settled links do not promise more than they can keep.
 const DAMPING: [f64; 2] = [1e-4, 10.0];
 /// A number of the nominal model is strained if it is so many of its tolerances off.
-const STRAINED: f64 = 4.0;
+pub const STRAINED: f64 = 4.0;
 /// Farthest a number is moved at once, in units of the slab.
 const STEP_MAX: f64 = 1.5;
 
@@ -99,9 +100,9 @@ impl Fitter<'_> {
         (0..self.coordinates.all.len()).filter(|&c| self.prior(c, effects).is_some()).collect()
     }
 
-    /// Whether a number of the nominal model is far off by its tolerance.
-    pub(super) fn is_strained(&self, c: usize, u: &[f64]) -> bool {
-        self.coordinates.all[c].spike.is_some_and(|spike| u[c].abs() > STRAINED * spike)
+    /// How many of its tolerances a number of the nominal model is off; 0 for what the nominal model does not have.
+    pub(super) fn strain(&self, c: usize, u: &[f64]) -> f64 {
+        self.coordinates.all[c].spike.map_or(0.0, |spike| u[c].abs() / spike)
     }
 
     /// Whether a number is about how a joint of `effects` follows its cable; where there are none, of any joint whose number is strained.
@@ -109,7 +110,7 @@ impl Fitter<'_> {
         let effect = self.coordinates.all[c].effect;
         let follows = matches!(self.coordinates.sited[effect].effect.id, "cable-stretch" | "link-coulomb-friction");
         let with_effect = |&e: &usize| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect));
-        follows && if effects.is_empty() { self.is_strained(c, start) } else { effects.iter().any(with_effect) }
+        follows && if effects.is_empty() { self.strain(c, start) > STRAINED } else { effects.iter().any(with_effect) }
     }
 
     /// The joint whose way to follow its cable an effect changes.
@@ -208,9 +209,10 @@ impl Fitter<'_> {
         let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
         let of_joints = |k: usize| own(k) || self.follows_as(free[k], &effects, start);
         let links_of_joints = if following == Following::RolledOut { Links::RolledOut } else { Links::Settled };
+        let steps = if following == Following::RolledOut { CLOSE_STEPS_MAX } else { STEPS_MAX };
         let mut damping = DAMPING[0];
         let mut information = DMatrix::zeros(0, 0);
-        for _ in 0..STEPS_MAX {
+        for _ in 0..steps {
             let stale = |&k: &usize| columns[k].as_ref().is_none_or(|(_, at)| (u[free[k]] - at).abs() > if own(k) { 0.0 } else { MOVED });
             let stale: Vec<usize> = (0..free.len()).filter(stale).collect();
             for (there, links) in [(false, Links::Settled), (true, links_of_joints)] {

@@ -2,18 +2,16 @@
 //!
 //! The screen's slopes promise far too much of a joint that is held by friction, swings or floats in slack, and a fit that goes by them ends
 //! far from the recordings; so does the nominal model's where a soft cable is within its tolerance. Where something remains, the best
-//! hypotheses and the one without effects go on by slopes of rolled-out links. Where the best of them explains nothing still, effects of
-//! that kind are fitted again from the nominal model at several sizes: first all other numbers with these held, then everything.
+//! hypothesis and the one without effects go on by slopes of rolled-out links. Where the best explains nothing, effects of that kind are
+//! fitted again from the nominal model at several sizes: first all other numbers with these held, then everything.
 
 use raven::Result;
 use rayon::prelude::*;
 
-use super::fit::{Fitter, Following, Hypothesis};
+use super::fit::{Fitter, Following, Hypothesis, STRAINED};
 use super::leftover::{ACCOUNTED, Leftover};
 use super::search::Outcome;
 
-/// Hypotheses that go on closely beside the one without effects: the best so far.
-const BEST: usize = 2;
 /// Effects that are fitted again: the best so far.
 const AGAIN: usize = 2;
 /// Starts of each: some, evenly spread over those of the screen.
@@ -24,26 +22,23 @@ const CLOSELY: usize = 2;
 impl Fitter<'_> {
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
-        let remains = |h: &Hypothesis| Leftover::of(&h.residuals, self.rows.tip_rows()).remains();
-        if !remains(&outcome.best) {
+        if !Leftover::of(&outcome.best.residuals, self.rows.tip_rows()).remains() {
             return Ok(false);
         }
-        let mut best: Vec<Hypothesis> = outcome.fitted.values().map(|(h, _)| h.clone()).filter(|h| !h.effects.is_empty()).collect();
-        best.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        best.truncate(BEST);
-        best.push(outcome.none.clone());
-        let mut other = self.closely(outcome, &best)?;
+        if self.accounted(&outcome.none, &outcome.best) < ACCOUNTED {
+            return self.from_sizes(outcome, nominal);
+        }
+        let mut other = self.closely(outcome, &[outcome.best.clone(), outcome.none.clone()])?;
         if let Some((none, _)) = outcome.fitted.get(&Vec::new()) {
             outcome.none = none.clone();
         }
+        // What strains the nominal model may be an effect.
         let none = &outcome.none;
-        let strained = none.free.iter().filter(|&&c| self.is_strained(c, &none.u)).map(|&c| self.coordinates.all[c].effect);
-        let freed =
-            strained.filter(|&effect| self.followed(effect).is_some()).map(|effect| Hypothesis { effects: vec![effect], ..none.clone() });
-        let freed: Vec<Hypothesis> = freed.collect();
-        other |= self.closely(outcome, &freed)?;
-        if remains(&outcome.best) && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED {
-            other |= self.from_sizes(outcome, nominal)?;
+        let strained = none.free.iter().filter(|&&c| self.followed(self.coordinates.all[c].effect).is_some());
+        let most = strained.map(|&c| (c, self.strain(c, &none.u))).max_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((c, _)) = most.filter(|(_, strain)| *strain > STRAINED) {
+            let freed = Hypothesis { effects: vec![self.coordinates.all[c].effect], ..none.clone() };
+            other |= self.closely(outcome, &[freed])?;
         }
         Ok(other)
     }

@@ -1,8 +1,9 @@
-//! A first look at every effect: evidence by slopes at one point, from several starts where an effect is not smooth.
+//! A first look at every effect: evidence by slopes at one point, from several starts where an effect is not smooth. Slopes are those of settled
+//! links, but for effects that let a joint float.
 
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
-use raven::effects::Scale;
+use raven::effects::{Parameter, Scale};
 use rayon::prelude::*;
 
 use super::fit::{Column, Fitter, Hypothesis, gram};
@@ -87,17 +88,19 @@ impl Fitter<'_> {
         let mut u = base.u.clone();
         own.iter().zip(start).for_each(|(&c, &value)| u[c] = value);
         let unmoved = own.iter().all(|&c| u[c] == base.u[c]);
+        let links = if self.is_loose(effect) { Links::RolledOut } else { Links::Settled };
         let slopes: Vec<Column> = match unmoved.then(|| own.iter().map(|c| base.free.iter().position(|f| f == c)).collect()) {
             Some(Some(at)) => Vec::<usize>::into_iter(at).map(|k| base.columns[k].clone()).collect(),
-            _ => self.slopes(&u, &own, Links::Settled)?,
+            _ => self.slopes(&u, &own, links)?,
         };
-        // Settled links tell by how much the start differs from the point; rolled-out links where the point is.
+        // Links tell by how much the start differs from the point, rolled-out ones where the point is.
         let shift = if unmoved {
             None
         } else {
-            let mut there = self.rows.residuals(&self.coordinates.settings(&u), Links::Settled, channels)?;
+            let mut there = self.rows.residuals(&self.coordinates.settings(&u), links, channels)?;
+            let here = if links == Links::Settled { &point.settled } else { &base.residuals };
             let (tip, torque) = there.split_at_mut(self.rows.tip_rows());
-            let (tip_here, torque_here) = point.settled.split_at(self.rows.tip_rows());
+            let (tip_here, torque_here) = here.split_at(self.rows.tip_rows());
             for (channel, there, here) in
                 [(raven::effects::Channel::Tip, tip, tip_here), (raven::effects::Channel::Torque, torque, torque_here)]
             {
@@ -165,6 +168,12 @@ impl Fitter<'_> {
         Ok(Some(Candidate { evidence, effects, start: u }))
     }
 
+    /// Whether an effect lets a joint float, as backlash does: without a load it settles anywhere, and only rolled-out links say where it is.
+    fn is_loose(&self, effect: usize) -> bool {
+        let is_magnitude = |parameter: &Parameter| matches!(parameter.scale, Scale::Magnitude(_));
+        self.followed(effect).is_some() && self.coordinates.sited[effect].effect.parameters.iter().all(is_magnitude)
+    }
+
     /// Where to start looking for an effect: its numbers in units of their slabs.
     pub(super) fn starts(&self, effect: usize, base: &[f64]) -> Vec<Vec<f64>> {
         let parameters = self.coordinates.sited[effect].effect.parameters;
@@ -186,7 +195,7 @@ impl Fitter<'_> {
                 // Where the nominal model has borne it so far.
                 Scale::Offset(_) => &base[c..=c],
                 Scale::Magnitude(_) if shaped => &[0.5, 1.5],
-                Scale::Magnitude(_) => &[0.2, 0.7, 1.5],
+                Scale::Magnitude(_) => &[0.15, 0.5, 1.5],
                 Scale::Shape { .. } if alone => &[-2.5, -1.5, -0.5, 0.5, 1.5],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
                 Scale::State(_) => &[0.0, 1.0],
