@@ -84,10 +84,7 @@ impl MarkerColour {
     /// Whether a pixel has the colour.
     #[must_use]
     pub fn is(&self, pixel: Rgb<u8>) -> bool {
-        let [from, to, min_saturation, min_value] = self.opencv_bounds();
-        let [hue, saturation, value] = hsv(pixel);
-        let hue_fits = if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to };
-        hue_fits && saturation >= min_saturation && value >= min_value
+        is_within(pixel, self.opencv_bounds())
     }
 
     /// White where a pixel of `image` within `region` has the colour, black elsewhere; as large as the region.
@@ -99,9 +96,16 @@ impl MarkerColour {
         let columns = 3 * region.x as usize..3 * (region.x + region.width) as usize;
         let rows = image.as_raw().chunks_exact(3 * image.width() as usize).skip(region.y as usize);
         let rows = rows.filter_map(|row| row.get(columns.clone()));
-        Sieve::new(self.opencv_bounds()).rows(rows.zip(mask.rows_mut()), |pixel| self.is(Rgb(pixel)));
+        let bounds = self.opencv_bounds();
+        Sieve::new(bounds).rows(rows.zip(mask.rows_mut()), |pixel| is_within(Rgb(pixel), bounds));
         mask
     }
+}
+
+fn is_within(pixel: Rgb<u8>, [from, to, min_saturation, min_value]: [u8; 4]) -> bool {
+    let [hue, saturation, value] = hsv(pixel);
+    let hue_fits = if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to };
+    hue_fits && saturation >= min_saturation && value >= min_value
 }
 
 #[cfg(test)]
