@@ -10,7 +10,7 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Parser;
-use lab::{Master, Publisher, aloud, numbers, wait_for};
+use lab::{Master, Publisher, aloud, numbers, signal, wait_for};
 use raven::cli::Outcome;
 use raven::log::{Survey, active_name, topics};
 use raven_capture::ros1::{Endpoint, Server};
@@ -37,10 +37,6 @@ fn spawn(folder: &Path, master: &Endpoint, shell: &str) -> Child {
         env!("CARGO_BIN_EXE_raven-capture")
     );
     Command::new("sh").args(["-c", &line]).current_dir(folder).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
 #[test]

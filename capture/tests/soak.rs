@@ -10,7 +10,6 @@ mod lab;
 
 use std::fs::File;
 use std::io::Write;
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,9 +18,10 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use lab::film::pictures;
-use lab::{Master, Publisher, example, numbers, wait_for};
+use lab::ros::RosMaster;
+use lab::{Master, Publisher, example, numbers, signal, wait_for};
 use raven::log::{Side, Survey, topics};
-use raven_capture::ros1::{Endpoint, call_ros};
+use raven_capture::ros1::Endpoint;
 use rustix::time::{ClockId, clock_gettime};
 
 const TOPIC: &str = "/ravenstate";
@@ -74,7 +74,7 @@ impl Recorder {
 
     /// Ends it as Ctrl-C does.
     fn end(&mut self) -> Option<i32> {
-        assert!(Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().unwrap().success());
+        signal(&self.child, "-INT");
         self.child.wait().unwrap().code()
     }
 }
@@ -103,34 +103,19 @@ fn writing_s(folder: &Path, bytes: u64) -> f64 {
 
 /// ROS's master where it is installed, which `rosbag record` needs, or the test's own.
 enum AnyMaster {
-    Ros(Child, Endpoint),
+    Ros(RosMaster),
     Own(Master),
 }
 
 impl AnyMaster {
     fn start(folder: &Path) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let at = Endpoint { host: "127.0.0.1".to_owned(), port };
-        let mut command = Command::new("rosmaster");
-        command.args(["--core", "-p", &port.to_string()]).env("ROS_HOME", folder).env("ROS_LOG_DIR", folder);
-        let Ok(child) = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn() else { return Self::Own(Master::start(0)) };
-        wait_for("rosmaster", || call_ros("rosmaster", &at, "getPid", &["/test".into()]).is_ok());
-        Self::Ros(child, at)
+        RosMaster::start(folder).map_or_else(|| Self::Own(Master::start(0)), Self::Ros)
     }
 
     fn at(&self) -> Endpoint {
         match self {
-            Self::Ros(_, at) => at.clone(),
+            Self::Ros(master) => master.at.clone(),
             Self::Own(master) => master.at(),
-        }
-    }
-}
-
-impl Drop for AnyMaster {
-    fn drop(&mut self) {
-        if let Self::Ros(child, _) = self {
-            let _gone = child.kill();
-            let _gone = child.wait();
         }
     }
 }

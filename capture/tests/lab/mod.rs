@@ -5,12 +5,13 @@
 
 pub mod film;
 pub mod readers;
+pub mod ros;
 
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -75,6 +76,11 @@ pub fn numbers(path: &Path, topic: &str) -> (Vec<u64>, bool) {
         })
         .unwrap();
     (numbers, walker.damage().is_none())
+}
+
+/// Sends a signal by its name, as in `-INT`.
+pub fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
 /// Says something past the harness, which keeps the output of tests that pass to itself.

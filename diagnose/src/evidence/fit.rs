@@ -208,8 +208,10 @@ impl Fitter<'_> {
         let mut columns: Vec<Option<(Column, f64)>> = free.iter().map(borrowed).collect();
         let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
         let of_joints = |k: usize| own(k) || self.follows_as(free[k], &effects, start);
-        let links_of_joints = if following == Following::RolledOut { Links::RolledOut } else { Links::Settled };
-        let steps = if following == Following::RolledOut { CLOSE_STEPS_MAX } else { STEPS_MAX };
+        let (links_of_joints, steps) = match following {
+            Following::Settled | Following::Held => (Links::Settled, STEPS_MAX),
+            Following::RolledOut => (Links::RolledOut, CLOSE_STEPS_MAX),
+        };
         let mut damping = DAMPING[0];
         let mut information = DMatrix::zeros(0, 0);
         for _ in 0..steps {

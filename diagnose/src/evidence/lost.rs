@@ -26,7 +26,7 @@ impl Fitter<'_> {
             return Ok(false);
         }
         if self.accounted(&outcome.none, &outcome.best) < ACCOUNTED {
-            return self.from_sizes(outcome, nominal);
+            return self.at_several_sizes(outcome, nominal);
         }
         let mut other = self.closely(outcome, &[outcome.best.clone(), outcome.none.clone()])?;
         if let Some((none, _)) = outcome.fitted.get(&Vec::new()) {
@@ -64,7 +64,7 @@ impl Fitter<'_> {
     }
 
     /// Fits effects of how joints follow their cables from several sizes; as [`Self::closely`].
-    fn from_sizes(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
+    fn at_several_sizes(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
         let mut alone: Vec<(usize, f64)> = outcome
             .known()
             .filter_map(|(effects, evidence)| if let [effect] = effects[..] { Some((effect, evidence)) } else { None })
@@ -74,8 +74,7 @@ impl Fitter<'_> {
         let of_effect = |&(effect, _): &(usize, f64)| {
             let starts = self.starts(effect, &nominal.u);
             let (last, count) = (starts.len().saturating_sub(1), starts.len().min(STARTS_MAX));
-            let spread: Vec<_> = (0..count).map(|k| (effect, starts[k * last / (count - 1).max(1)].clone())).collect();
-            spread
+            (0..count).map(|k| (effect, starts[k * last / (count - 1).max(1)].clone())).collect::<Vec<_>>()
         };
         let starts: Vec<(usize, Vec<f64>)> = alone.iter().take(AGAIN).flat_map(of_effect).collect();
         let held = |(effect, start): &(usize, Vec<f64>)| {

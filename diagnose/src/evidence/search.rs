@@ -238,7 +238,7 @@ impl Fitter<'_> {
         // What numbers of the nominal model have to bear without it.
         let strain = |h: &Hypothesis| {
             let spiked = h.free.iter().filter(|&&c| !h.effects.contains(&self.coordinates.all[c].effect));
-            spiked.map(|&c| self.prior(c, &h.effects).map_or(0.0, |t| (h.u[c] / t).powi(2))).sum::<f64>()
+            spiked.map(|&c| self.strain(c, &h.u).powi(2)).sum::<f64>()
         };
         strain(poorer) - strain(richer) > 2.0 * STRAIN_NATS
             || (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
