@@ -107,9 +107,14 @@ fn row_passes<S: Simd>(_: S, sieve: &Sieve, row: &[u8], words: &mut [u64]) {
 
 #[inline(always)]
 fn word_passes(sieve: &Sieve, block: &[u8; 3 * WORD]) -> u64 {
+    // A plane for each colour first: one loop that does both is not done many at a time.
+    let [mut reds, mut greens, mut blues] = [[0; WORD]; 3];
+    for (((red, green), blue), &[r, g, b]) in reds.iter_mut().zip(&mut greens).zip(&mut blues).zip(block.as_chunks().0) {
+        (*red, *green, *blue) = (r, g, b);
+    }
     let mut passed = [0; WORD];
-    for (passed, pixel) in passed.iter_mut().zip(block.as_chunks().0) {
-        *passed = sieve.passes(*pixel);
+    for (((passed, &red), &green), &blue) in passed.iter_mut().zip(&reds).zip(&greens).zip(&blues) {
+        *passed = sieve.passes([red, green, blue]);
     }
     let mut word = 0;
     for (i, eight) in passed.as_chunks().0.iter().enumerate() {
