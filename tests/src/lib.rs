@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use clap::Parser;
 use raven::cli::Outcome;
@@ -17,8 +18,27 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    eprintln!("SKIPPED: {} is not there", path.display());
+    aloud(&format!("SKIPPED: {} is not there", path.display()));
     None
+}
+
+/// Says something past the harness, which keeps the output of tests that pass to itself.
+pub fn aloud(sentence: &str) {
+    let _unheard = Command::new("sh").args(["-c", "echo \"$1\" >&2", "sh", sentence]).status();
+}
+
+/// A Python that can import these modules, or `None` with a line that says how to get them.
+#[must_use]
+pub fn python(modules: &str, hint: &str) -> Option<&'static str> {
+    let can = |python: &&str| {
+        let asked = Command::new(python).args(["-c", &format!("import {modules}")]).stdout(Stdio::null()).stderr(Stdio::null()).status();
+        asked.is_ok_and(|status| status.success())
+    };
+    let found = ["python3", "/usr/bin/python3"].into_iter().find(can);
+    if found.is_none() {
+        aloud(&format!("SKIPPED: what needs a python3 that imports {modules} ({hint})"));
+    }
+    found
 }
 
 /// Runs a program as if typed; `{name}` in the arguments stands for the file `name` in `folder`. Gives what it printed.

@@ -1,43 +1,123 @@
 //! A lab session recorded by another virtual robot, from its images to the joint angles.
 
-use raven_tests::{json, number, shared, typed};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::process::Command;
+
+use raven::log::{Item, Walker, ros1};
+use raven_tests::{json, number, python, shared, typed};
+use serde_json::{Value, json};
 
 #[test]
 fn from_images_to_joint_angles() {
     let Some(lab) = shared("data/lab") else { return };
+    goes_through_the_chain(&lab, &json(&lab, "truth.json"), &["sinusoid", "fls1"]);
+}
+
+/// Writes a bag, compressed: a line of JSON says what is on which topic, and before each message stand its topic's number, its time and its length.
+const TO_BAG: &str = "import json, struct, sys, genpy, rosbag\n\
+    with open(sys.argv[1], 'rb') as file, rosbag.Bag(sys.argv[2], 'w', compression='lz4') as bag:\n\
+    \x20   topics = json.loads(file.readline())\n\
+    \x20   kinds = [type('Kind', (), dict(_type=t['type'], _md5sum=t['md5'], _full_text=t['definition'])) for t in topics]\n\
+    \x20   while head := file.read(16):\n\
+    \x20       number, seconds, nanoseconds, length = struct.unpack('<4I', head)\n\
+    \x20       topic, data = topics[number], file.read(length)\n\
+    \x20       message = (topic['type'], data, topic['md5'], kinds[number])\n\
+    \x20       bag.write(topic['topic'], message, t=genpy.Time(seconds, nanoseconds), raw=True)\n";
+
+/// Writes the messages of a log as `rosbag` does.
+fn to_bag(python: &str, log: &Path, bag: &Path) {
+    let (mut topics, mut numbers) = (Vec::new(), BTreeMap::new());
+    Walker::open(log)
+        .unwrap()
+        .run(|item| {
+            if let Item::Channel(channel) = item
+                && !numbers.contains_key(&channel.topic)
+            {
+                let schema = channel.schema.as_ref().unwrap();
+                let definition = std::str::from_utf8(&schema.data).unwrap();
+                let md5 = ros1::md5::md5sum(&ros1::Definition::parse(&schema.name, definition).unwrap()).unwrap();
+                numbers.insert(channel.topic.clone(), topics.len() as u32);
+                topics.push(json!({"topic": channel.topic, "type": schema.name, "md5": md5, "definition": definition}));
+            }
+            Ok(())
+        })
+        .unwrap();
+    let messages = bag.with_extension("messages");
+    let mut file = BufWriter::new(File::create(&messages).unwrap());
+    writeln!(file, "{}", Value::Array(topics)).unwrap();
+    Walker::open(log)
+        .unwrap()
+        .run(|item| {
+            if let Item::Message(message) = item {
+                let (seconds, nanoseconds) = message.log_time.to_ros();
+                for word in [numbers[&message.channel.topic], seconds, nanoseconds, message.data.len() as u32] {
+                    file.write_all(&word.to_le_bytes()).unwrap();
+                }
+                file.write_all(message.data).unwrap();
+            }
+            Ok(())
+        })
+        .unwrap();
+    file.into_inner().unwrap();
+    let written = Command::new(python).args(["-c", TO_BAG]).args([&messages, &bag.to_owned()]).output().unwrap();
+    assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+    std::fs::remove_file(messages).unwrap();
+}
+
+#[test]
+fn bags_of_the_session_go_the_same_way() {
+    let Some(lab) = shared("data/lab") else { return };
+    let Some(python) = python("rosbag", "Debian: python3-rosbag") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["board", "hardstop", "sinusoid"] {
+        let bag = folder.path().join(format!("{name}.bag"));
+        to_bag(python, &lab.join(format!("{name}.mcap")), &bag);
+        let import = ["import", &format!("{{{name}.bag}}"), "-o", &format!("{{{name}.mcap}}")];
+        typed(folder.path(), raven_capture::run, &import).unwrap();
+        std::fs::remove_file(bag).unwrap();
+    }
+    goes_through_the_chain(folder.path(), &json(&lab, "truth.json"), &["sinusoid"]);
+}
+
+/// Calibrates, registers, tracks and identifies from the logs of a folder, the last from the first of `motions`, and holds the outcome against the
+/// truth.
+fn goes_through_the_chain(logs: &Path, truth: &Value, motions: &[&str]) {
     let Some(robot) = shared("robot/raven2-gold.yaml") else { return };
-    let log = |name: &str| lab.join(name).display().to_string();
+    let log = |name: &str| logs.join(name).display().to_string();
     let robot = robot.display().to_string();
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let truth = json(&lab, "truth.json");
 
     let cameras =
         ["cameras", &log("board.mcap"), "--board", "9x6", "--square", "0.012", "-o", "{cameras.yaml}", "--json", "{cameras.json}"];
     typed(at, raven_calibrate::run, &cameras).unwrap();
     let cameras = json(at, "cameras.json");
     for (side, key) in [("left", "/camera/fl"), ("right", "/camera/fr")] {
-        let error_px = number(&cameras, &format!("/{side}/fx")) - number(&truth, key);
+        let error_px = number(&cameras, &format!("/{side}/fx")) - number(truth, key);
         assert!(error_px.abs() < 1.0, "fx of the {side} camera is off by {error_px} px");
     }
-    let baseline_error_m = number(&cameras, "/stereo/baseline_m") - number(&truth, "/camera/base");
+    let baseline_error_m = number(&cameras, "/stereo/baseline_m") - number(truth, "/camera/base");
     assert!(baseline_error_m.abs() < 1e-4, "baseline off by {baseline_error_m} m");
 
     let register = ["register", &log("hardstop.mcap"), "--robot", &robot, "--cameras", "{cameras.yaml}", "-o", "{cameras.yaml}"];
     typed(at, raven_calibrate::run, &register).unwrap();
-    for motion in ["sinusoid", "fls1"] {
+    for motion in motions {
         let (input, output) = (log(&format!("{motion}.mcap")), format!("{{{motion}-tracked.mcap}}"));
         typed(at, raven_track::run, &[&input, "--robot", &robot, "--cameras", "{cameras.yaml}", "-o", &output]).unwrap();
     }
-    let identify = ["{sinusoid-tracked.mcap}", "--robot", &robot, "--cameras", "{cameras.yaml}", "-o", "{identified.yaml}"];
+    let identify =
+        [&*format!("{{{}-tracked.mcap}}", motions[0]), "--robot", &robot, "--cameras", "{cameras.yaml}", "-o", "{identified.yaml}"];
     typed(at, raven_identify::run, &identify).unwrap();
     let identified = raven::robot::Robot::read(&at.join("identified.yaml")).unwrap();
-    let hidden_m = number(&truth, "/r_l1_m");
+    let hidden_m = number(truth, "/r_l1_m");
     let error = identified.joints[0].link_pulley_radius / hidden_m - 1.0;
     assert!(error.abs() < 0.006, "r_l1 is off by {:.2} %", 100.0 * error);
 
     // The motion that the parameters come from, and one that they have not seen.
-    for motion in ["sinusoid", "fls1"] {
+    for motion in motions {
         let log = format!("{{{motion}-tracked.mcap}}");
         typed(at, raven_replay::run, &[&log, "--robot", "{identified.yaml}", "--cameras", "{cameras.yaml}", "--json", "{replay.json}"])
             .unwrap();

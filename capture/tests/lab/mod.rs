@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -20,6 +20,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use raven::log::{Item, Walker, ros1};
 use raven_capture::ros1::{Endpoint, Server, Value, call_ros, encode_header, read_header};
+pub use raven_tests::{aloud, python};
 
 /// A message of 980 bytes, as the robot's is: a stamp, and a number by which the test knows it again.
 pub const TYPE: &str = "test/Numbered";
@@ -83,11 +84,6 @@ pub fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// Says something past the harness, which keeps the output of tests that pass to itself.
-pub fn aloud(sentence: &str) {
-    let _unheard = Command::new("sh").args(["-c", "echo \"$1\" >&2", "sh", sentence]).status();
-}
-
 /// An example of this package, which `cargo test` builds along.
 pub fn example(name: &str) -> Result<PathBuf, String> {
     // Beside the folder of this test, as in target/release/deps/killed-0123456789abcdef.
@@ -97,19 +93,6 @@ pub fn example(name: &str) -> Result<PathBuf, String> {
         return Ok(path);
     }
     Err(format!("{} is not built; `cargo build --release -p raven-capture --examples` builds it", path.display()))
-}
-
-/// A Python that can import these modules, or `None` with a line that says how to get them.
-pub fn python(modules: &str, hint: &str) -> Option<&'static str> {
-    let can = |python: &&str| {
-        let asked = Command::new(python).args(["-c", &format!("import {modules}")]).stdout(Stdio::null()).stderr(Stdio::null()).status();
-        asked.is_ok_and(|status| status.success())
-    };
-    let found = ["python3", "/usr/bin/python3"].into_iter().find(can);
-    if found.is_none() {
-        aloud(&format!("SKIPPED: what needs a python3 that imports {modules} ({hint})"));
-    }
-    found
 }
 
 /// A folder for many files that need not outlive the machine: where it is in memory, a sync costs nothing.
