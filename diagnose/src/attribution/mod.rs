@@ -193,7 +193,7 @@ fn concluded(rows: &dyn Sampled, coordinates: &Coordinates, outcome: &Outcome) -
 pub struct Told {
     /// How far the gap closes.
     pub gap: Vec<Closure>,
-    /// Evidence above that of no effect [nat].
+    /// Evidence that each effect adds beside the others, at least [nat].
     pub evidence_nats: f64,
 }
 

@@ -15,6 +15,7 @@ impl fmt::Display for Score {
             ("single effects, exactly right", self.single_exact),
             ("false alarms where there is nothing", self.false_alarms),
             ("pairs exactly right", self.pairs_exact),
+            ("  of those whose every effect can show", self.pairs_shown),
             ("causes outside the library noticed", self.outside_recall),
             ("sizes within one stated deviation", self.sizes.within_one_std),
             ("sizes within their 95 % interval", self.sizes.within_95),

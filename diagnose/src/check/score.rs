@@ -53,6 +53,8 @@ pub struct Score {
     pub false_alarms: Share,
     /// Several effects, all and no other blamed.
     pub pairs_exact: Share,
+    /// Those of them that the recording can show: told of them, a fit of all beats that without any one of them by 3 nats.
+    pub pairs_shown: Share,
     /// Causes outside the library on which the verdict is `unexplained` or `partly-explained`.
     pub outside_recall: Share,
     /// Statements with a probability: every blamed effect, or that there is none.
@@ -129,6 +131,7 @@ impl Score {
             self.outside_recall.count(told);
             return told;
         }
+        let shows = told.is_some_and(|told| told.evidence_nats >= SHOWS_NATS);
         match &case.truth[..] {
             [] => {
                 let quiet = word == Some(Word::None);
@@ -139,7 +142,7 @@ impl Score {
                 let answers = verdict.map(|verdict| case.names.answers(verdict)).unwrap_or_default();
                 let among = |first: usize| answers.iter().take(first).any(|answer| answer.as_ref() == Some(only));
                 self.top1.count(among(1));
-                if told.is_some_and(|told| told.evidence_nats >= SHOWS_NATS) {
+                if shows {
                     self.top1_shown.count(among(1));
                 }
                 self.top2.count(among(2));
@@ -151,6 +154,9 @@ impl Score {
             _ => {
                 let exact = verdict.is_some_and(|verdict| case.exact(verdict));
                 self.pairs_exact.count(exact);
+                if shows {
+                    self.pairs_shown.count(exact);
+                }
                 exact
             }
         }

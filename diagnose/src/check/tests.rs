@@ -113,8 +113,13 @@ fn the_gap_is_held_against_what_closes_when_told() {
     said.gap = gap(&[("tip", Some(0.9)), ("elbow", Some(0.5)), ("shoulder", None), ("insertion", Some(0.1))]);
     let told = gap(&[("tip", Some(1.0)), ("elbow", Some(0.6)), ("shoulder", Some(0.4)), ("insertion", None)]);
     let answer = Answer { name: "a".to_owned(), verdict: Ok(said), seconds: 1.0, told: Some(Told { gap: told, evidence_nats: 40.0 }) };
-    let labels = [("a".to_owned(), label(&[effect("payload", None, 0.2)]))].into();
-    let score = Score::of(&[answer], &labels, &Names::of(&nominal::gold()));
+    let pair = Answer { name: "b".to_owned(), ..answer.clone() };
+    let weak = Answer { name: "c".to_owned(), told: Some(Told { gap: Vec::new(), evidence_nats: 2.0 }), ..answer.clone() };
+    let two = [effect("payload", None, 0.2), effect("backlash", Some("elbow"), 0.02)];
+    let labels = [("a".to_owned(), label(&two[..1])), ("b".to_owned(), label(&two)), ("c".to_owned(), label(&two))].into();
+    let score = Score::of(&[answer, pair, weak], &labels, &Names::of(&nominal::gold()));
+    assert_eq!((score.top1_shown, score.pairs_exact), (Share { hits: 1, of: 1 }, Share { hits: 0, of: 2 }));
+    assert_eq!(score.pairs_shown, Share { hits: 0, of: 1 });
     assert_relative_eq!(score.gap_closed_of_oracle.unwrap(), 1.4 / 2.0, epsilon = 1e-12);
 }
 

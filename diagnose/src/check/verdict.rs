@@ -60,7 +60,7 @@ pub struct Candidate {
 pub struct Told {
     /// How far the gap closes.
     pub gap: Vec<ChannelGap>,
-    /// Evidence above that of no effect [nat].
+    /// Evidence that each effect adds beside the others, at least [nat].
     pub evidence_nats: f64,
 }
 

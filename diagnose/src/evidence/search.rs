@@ -97,6 +97,13 @@ impl Fitter<'_> {
         u
     }
 
+    /// `u` where one effect is as the nominal model has it.
+    pub(super) fn without(&self, effect: usize, u: &[f64]) -> Vec<f64> {
+        let (mut without, nowhere) = (u.to_vec(), self.nowhere());
+        self.coordinates.of(effect).for_each(|c| without[c] = nowhere[c]);
+        without
+    }
+
     /// Looks for the most probable hypothesis; `None` where not even the nominal model can be evaluated. `each` hears of every step.
     ///
     /// # Errors
@@ -362,12 +369,7 @@ impl Fitter<'_> {
                 let effects: Vec<usize> = best.effects.iter().copied().filter(|&e| e != left_out).collect();
                 let rest = match outcome.fitted.get(&effects) {
                     Some((known, _)) => Some(known.clone()),
-                    None => {
-                        let mut start = best.u.clone();
-                        let nowhere = self.nowhere();
-                        self.coordinates.of(left_out).for_each(|c| start[c] = nowhere[c]);
-                        self.fit(&effects, &start, Some(&best))?
-                    }
+                    None => self.fit(&effects, &self.without(left_out, &best.u), Some(&best))?,
                 };
                 let Some(rest) = rest else { continue };
                 outcome.keep(&rest);

@@ -6,8 +6,8 @@ use super::fit::{Fitter, Hypothesis};
 use super::leftover::Leftover;
 
 impl Fitter<'_> {
-    /// Fits named effects, one after the other and at last together, and tells what they gain over none [nat]; `None` where the model
-    /// cannot be evaluated.
+    /// Fits named effects, one after the other and at last together, and tells what each of them gains beside the others, at least [nat];
+    /// `None` where the model cannot be evaluated.
     ///
     /// # Errors
     /// If the robot is no arm.
@@ -20,7 +20,17 @@ impl Fitter<'_> {
             point = hypothesis;
         }
         let leftover = Leftover::of(&point.residuals, self.rows.tip_rows());
-        let gain = self.tempered(&point, &leftover) - self.tempered(&none, &leftover);
+        let mut gain = f64::INFINITY;
+        for left_out in &point.effects {
+            let others: Vec<usize> = point.effects.iter().copied().filter(|effect| effect != left_out).collect();
+            let without = if others.is_empty() {
+                none.clone()
+            } else {
+                let Some(without) = self.fit(&others, &self.without(*left_out, &point.u), Some(&point))? else { return Ok(None) };
+                without
+            };
+            gain = gain.min(self.tempered(&point, &leftover) - self.tempered(&without, &leftover));
+        }
         Ok(Some((point, gain)))
     }
 }
