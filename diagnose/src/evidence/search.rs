@@ -184,7 +184,8 @@ impl Fitter<'_> {
                 best = self.beside_none(outcome, best)?;
             }
             each();
-            if round > 1 && self.better(outcome, &best, &outcome.best) {
+            // What is lost in scatter will not be named, whatever stands in for the others.
+            if round > 1 && self.better(outcome, &best, &outcome.best) && self.are_beyond_scatter(&best) {
                 best = self.reopened(outcome, best)?;
                 each();
             }
