@@ -19,13 +19,16 @@ use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use crate::correlated::{Influence, centre_variance_px2};
-use crate::patch::{CHROMA, LUMA, Patch, Sample};
+use crate::model::Model;
+use crate::normal::Normal;
+use crate::patch::{CHROMA, LANES, LUMA, Patch};
 use crate::refine::{Residual, refined};
 use crate::sieve::LEVEL;
 
 /// `u, v`, radius, two elongations, blur of chroma and of luma, nine coefficients of brightness.
-const SIZE: usize = 16;
-const BLUR: usize = 5;
+pub(crate) const SIZE: usize = 16;
+/// Where the blurs are; before them the outline.
+pub(crate) const BLUR: usize = 5;
 /// Where the coefficients of brightness begin: one of order 0, three of order 1, five of order 2.
 pub const BRIGHTNESS: usize = 7;
 /// Blur of chroma, usually at half the resolution, and of luma [px].
@@ -49,15 +52,9 @@ const ITERATIONS: usize = 15;
 /// Steps smaller than this end a fit [px]: one that only gives weights, and one that gives the centre.
 const ROUGH_PX: f64 = 0.02;
 const FINE_PX: f64 = 2e-3;
-/// Beyond so many blurs outside the outline a pixel tells nothing of the ball.
-const OUTSIDE: f64 = 4.0;
-/// The normal distribution by a logistic function of an odd polynomial (Page 1977).
-const NORMAL: [f64; 2] = [1.5976, 0.070_565_992];
-/// Height of the normal density.
-const DENSITY: f64 = 0.398_942_280_401_432_7;
 
 pub(crate) type Vector = SVector<f64, SIZE>;
-type Matrix = SMatrix<f64, SIZE, SIZE>;
+pub(crate) type Matrix = SMatrix<f64, SIZE, SIZE>;
 
 /// A centre with its standard deviation per axis, and the radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,16 +105,8 @@ impl Settled {
 
     /// Standard deviation of the centre per axis [px], from a fit to `patch` with `weights`.
     fn noise_px(&self, patch: &Patch, weights: &Weights) -> f64 {
-        let planes = [(CHROMA, 1.0), (LUMA, patch.luma_per_chroma)].map(|(k, gain)| {
-            let influence = |sample: &Sample| {
-                let place = Place::of(&self.x, sample);
-                let told = place.tell(&self.x, sample, k, gain)?;
-                let root_weight = told.weight(sample, weights, k).sqrt();
-                let moves = self.covariance.fixed_rows::<2>(0) * Vector::from(told.row(&self.x, &place, k, gain)) * root_weight;
-                Some(Influence { pixel: [sample.u as i32, sample.v as i32], whitened: root_weight * told.miss, moves_px: moves })
-            };
-            patch.samples[k].iter().filter_map(influence).collect()
-        });
+        let mut planes = [Vec::new(), Vec::new()];
+        dispatch!(*LEVEL, simd => add_influences(simd, &mut planes, self, patch, weights));
         centre_variance_px2(&planes, self.determined).sqrt()
     }
 }
@@ -163,8 +152,8 @@ impl Start {
 
         let mut x = from.unwrap_or(prior);
         for _ in 0..ITERATIONS {
-            let mut normal = Normal { matrix: [[0.0; SIZE]; SIZE], vector: [0.0; SIZE] };
-            dispatch!(*LEVEL, simd => add_all(simd, &mut normal, &x, patch, weights));
+            let mut normal = Normal::ZERO;
+            dispatch!(*LEVEL, simd => add_pixels(simd, &mut normal, &x, patch, weights));
             let (step, covariance) = normal.solve(&stiffness, &(prior - x))?;
             let largest = step.fixed_rows::<3>(0).amax();
             x += step * (2.0 / largest).min(1.0);
@@ -184,139 +173,59 @@ impl Start {
     }
 }
 
-/// What the model says of a pixel, in one coordinate of colour.
-pub(crate) struct Told {
-    /// Colour seen minus colour told.
-    pub(crate) miss: f64,
-    /// Share of the marker in the pixel.
-    pub(crate) share: f64,
-    /// Marker minus background.
-    pub(crate) contrast: f64,
-    /// The marker's own colour there.
-    pub(crate) bright: f64,
-    slope: f64,
-    t: f64,
-    harmonics: [f64; 9],
-}
-
-impl Told {
-    /// Weight of the squared miss: the inverse of its expected square, less for outliers.
-    #[inline(always)]
-    fn weight(&self, sample: &Sample, weights: &Weights, k: usize) -> f64 {
-        let &Self { miss, share, contrast, bright, .. } = self;
-        let variance = weights.noise[k].powi(2)
-            + (1.0 - share).powi(2) * sample.texture
-            + (weights.edge[k] * 4.0 * share * (1.0 - share) * contrast).powi(2)
-            + (weights.inside[k] * share * bright).powi(2);
-        (weights.huber * variance.sqrt() / miss.abs().max(1e-9)).min(1.0) / variance
-    }
-
-    /// Derivatives of the colour told by the unknowns.
-    #[inline(always)]
-    fn row(&self, x: &Vector, place: &Place, k: usize, gain: f64) -> [f64; SIZE] {
-        let &Self { share, slope, t, ref harmonics, .. } = self;
-        let [stretched_x, stretched_y] = place.stretched;
-        let mut row = [0.0; SIZE];
-        row[0] = -slope * (stretched_x * (1.0 + x[3]) + stretched_y * x[4]) / place.from_centre;
-        row[1] = -slope * (stretched_x * x[4] + stretched_y * (1.0 - x[3])) / place.from_centre;
-        row[2] = -slope;
-        row[3] = slope * (stretched_x * place.dx - stretched_y * place.dy) / place.from_centre;
-        row[4] = slope * (stretched_x * place.dy + stretched_y * place.dx) / place.from_centre;
-        row[BLUR + k] = -slope * t;
-        for (entry, harmonic) in row[BRIGHTNESS..].iter_mut().zip(harmonics) {
-            *entry = gain * share * harmonic;
-        }
-        row
-    }
-}
-
-/// A pixel's place on the outline's own scale.
-struct Place {
-    dx: f64,
-    dy: f64,
-    stretched: [f64; 2],
-    from_centre: f64,
-    distance: f64,
-}
-
-impl Place {
-    #[inline(always)]
-    fn of(x: &Vector, sample: &Sample) -> Self {
-        let (dx, dy) = (sample.u - x[0], sample.v - x[1]);
-        let stretched = [(1.0 + x[3]) * dx + x[4] * dy, x[4] * dx + (1.0 - x[3]) * dy];
-        let from_centre = (stretched[0] * stretched[0] + stretched[1] * stretched[1]).sqrt().max(1e-6);
-        Self { dx, dy, stretched, from_centre, distance: from_centre - x[2] }
-    }
-
-    /// `None` where the pixel is all background.
-    #[inline(always)]
-    fn tell(&self, x: &Vector, sample: &Sample, k: usize, gain: f64) -> Option<Told> {
-        let blur = x[BLUR + k];
-        let t = (self.distance / blur).max(-8.0);
-        if t > OUTSIDE {
-            return None;
-        }
-        let share = 1.0 / (1.0 + (t * (NORMAL[0] + NORMAL[1] * t * t)).exp());
-        // Blur brings the marker's light to a pixel from within the outline: the mean of the distances below 0.
-        let within = (t - DENSITY * (-0.5 * t * t).exp() / share) * blur;
-        // The ball's surface normal there, and its products: spherical harmonics up to the second order.
-        let inwards = (x[2] + within).max(0.0) / (self.from_centre * x[2]);
-        let (nx, ny) = (self.dx * inwards, self.dy * inwards);
-        let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
-        let harmonics = [1.0, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, 3.0 * nz * nz - 1.0];
-        let brightness: f64 = harmonics.iter().enumerate().map(|(i, h)| h * x[BRIGHTNESS + i]).sum();
-        let bright = gain * brightness;
-        let contrast = bright - sample.background;
-        let miss = sample.colour - sample.background - share * contrast;
-        let slope = -share * (1.0 - share) * (NORMAL[0] + 3.0 * NORMAL[1] * t * t) / blur * contrast;
-        Some(Told { miss, share, contrast, bright, slope, t, harmonics })
-    }
-}
-
-/// Residuals of all pixels that tell something of the ball.
-pub(crate) fn residuals(patch: &Patch, x: &Vector) -> impl Iterator<Item = Residual> {
-    let [chroma, luma] = &patch.samples;
-    chroma.iter().zip(luma).filter_map(|(chroma, luma)| {
-        let place = Place::of(x, chroma);
-        Some(Residual { told: [place.tell(x, chroma, CHROMA, 1.0)?, place.tell(x, luma, LUMA, patch.luma_per_chroma)?] })
-    })
-}
-
-/// Normal equations of one Gauss-Newton step.
-struct Normal {
-    matrix: [[f64; SIZE]; SIZE],
-    vector: [f64; SIZE],
+/// Residuals of all pixels that tell something of the ball in chroma and in luma.
+pub(crate) fn residuals(patch: &Patch, x: &Vector) -> Vec<Residual> {
+    let mut residuals = Vec::with_capacity(LANES * patch.blocks.len());
+    dispatch!(*LEVEL, simd => add_residuals(simd, &mut residuals, patch, x));
+    residuals
 }
 
 #[inline(always)]
-fn add_all<S: Simd>(_: S, normal: &mut Normal, x: &Vector, patch: &Patch, weights: &Weights) {
-    for (k, gain) in [(CHROMA, 1.0), (LUMA, patch.luma_per_chroma)] {
-        for sample in &patch.samples[k] {
-            let place = Place::of(x, sample);
-            if let Some(told) = place.tell(x, sample, k, gain) {
-                normal.add(&told.row(x, &place, k, gain), told.weight(sample, weights, k), told.miss);
-            }
+fn add_residuals<S: Simd>(_: S, residuals: &mut Vec<Residual>, patch: &Patch, x: &Vector) {
+    let model = Model::new(x, patch);
+    for block in &patch.blocks {
+        let place = model.place(block);
+        let told = [CHROMA, LUMA].map(|k| model.tell(block, &place, k));
+        residuals.extend((0..LANES).filter(|&i| told.iter().all(|told| told.tells[i])).map(|i| Residual::of(&told, i)));
+    }
+}
+
+#[inline(always)]
+fn add_pixels<S: Simd>(_: S, normal: &mut Normal, x: &Vector, patch: &Patch, weights: &Weights) {
+    let model = Model::new(x, patch);
+    for block in &patch.blocks {
+        let place = model.place(block);
+        for k in [CHROMA, LUMA] {
+            let told = model.tell(block, &place, k);
+            normal.add(&told, &told.weights(&block.planes[k], weights, k));
         }
     }
 }
 
-impl Normal {
-    #[inline(always)]
-    fn add(&mut self, row: &[f64; SIZE], weight: f64, miss: f64) {
-        for i in 0..SIZE {
-            let weighted = weight * row[i];
-            self.vector[i] += weighted * miss;
-            for (entry, value) in self.matrix[i].iter_mut().zip(row) {
-                *entry += weighted * value;
-            }
+#[inline(always)]
+fn add_influences<S: Simd>(_: S, influences: &mut [Vec<Influence>; 2], settled: &Settled, patch: &Patch, weights: &Weights) {
+    let model = Model::new(&settled.x, patch);
+    for block in &patch.blocks {
+        let place = model.place(block);
+        for (k, influences) in influences.iter_mut().enumerate() {
+            let told = model.tell(block, &place, k);
+            let root_weights = told.weights(&block.planes[k], weights, k).map(f32::sqrt);
+            let moves_px = [0, 1].map(|axis| {
+                let mut moves = [0.0; LANES];
+                for (j, row) in told.rows.iter().enumerate() {
+                    let per_level = settled.covariance[(axis, j)] as f32;
+                    for i in 0..LANES {
+                        moves[i] += per_level * row[i] * root_weights[i];
+                    }
+                }
+                moves
+            });
+            let of = |i: usize| Influence {
+                pixel: [block.u[i] as i32, block.v[i] as i32],
+                whitened: root_weights[i] * told.miss[i],
+                moves_px: moves_px.map(|moves| moves[i]),
+            };
+            influences.extend((0..LANES).filter(|&i| told.tells[i]).map(of));
         }
-    }
-
-    /// The step and the covariance, where a prior of this stiffness is so far away.
-    fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Matrix)> {
-        let matrix = Matrix::from_fn(|i, j| self.matrix[i][j]) + Matrix::from_diagonal(stiffness);
-        let covariance = matrix.cholesky()?.inverse();
-        let step = covariance * (Vector::from(self.vector) + stiffness.component_mul(to_prior));
-        step.iter().all(|v| v.is_finite()).then_some((step, covariance))
     }
 }

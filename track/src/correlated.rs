@@ -10,10 +10,13 @@
 //! A fit of `p` unknowns leaves residuals smaller than the errors. Pixels that err together are fewer than they look, `n / sum_d R(d)`, so
 //! that the variance is raised by `1 / (1 - p sum_d R(d) / n)`.
 
-use nalgebra::Vector2;
+use fearless_simd::{Simd, dispatch};
+
+use crate::patch::LANES;
+use crate::sieve::LEVEL;
 
 /// Neighbours farther apart than this count as independent [px]: half a block of JPEG.
-const REACH_PX: i32 = 4;
+const REACH_PX: usize = 4;
 
 /// One pixel of one plane.
 #[derive(Debug, Clone, Copy)]
@@ -21,9 +24,9 @@ pub struct Influence {
     /// Column and row in the image.
     pub pixel: [i32; 2],
     /// Residual over its standard deviation.
-    pub whitened: f64,
+    pub whitened: f32,
     /// What a residual of one standard deviation moves the centre by [px].
-    pub moves_px: Vector2<f64>,
+    pub moves_px: [f32; 2],
 }
 
 /// Least part of the errors' square that residuals are taken to keep, where pixels are hardly more than the unknowns.
@@ -33,7 +36,7 @@ const LEAST_LEFT: f64 = 0.25;
 /// as no smaller than expected.
 #[must_use]
 pub fn centre_variance_px2(planes: &[Vec<Influence>; 2], unknowns: f64) -> f64 {
-    let [chroma, luma] = planes.each_ref().map(|plane| Plane::of(plane));
+    let [chroma, luma] = planes.each_ref().map(|plane| dispatch!(*LEVEL, simd => Plane::of(simd, plane)));
     let left = 1.0 - unknowns / (chroma.independent + luma.independent).max(1.0);
     (chroma.variance_px2 + luma.variance_px2) / left.max(LEAST_LEFT)
 }
@@ -46,29 +49,20 @@ struct Plane {
 }
 
 impl Plane {
-    fn of(plane: &[Influence]) -> Self {
+    #[inline(always)]
+    fn of<S: Simd>(_: S, plane: &[Influence]) -> Self {
         let Some(grid) = Grid::of(plane) else { return Self { variance_px2: 0.0, independent: 0.0 } };
-        // Half the plane of shifts: the other half is the same.
-        let shifts = (0..=REACH_PX).flat_map(|dy| (-REACH_PX..=REACH_PX).map(move |dx| [dx, dy])).filter(|&[dx, dy]| dy > 0 || dx >= 0);
-        let mut own = [0.0; 2];
+        let [square, influence] = grid.sums(0);
+        let square = square / plane.len() as f64;
         let (mut among, mut correlated_px) = (0.0, 0.0);
-        for shift in shifts {
-            let (mut count, mut products, mut influence) = (0.0, 0.0, 0.0);
-            for here in plane {
-                if let Some(there) = grid.at([here.pixel[0] + shift[0], here.pixel[1] + shift[1]]) {
-                    count += 1.0;
-                    products += here.whitened * there.whitened;
-                    influence += 0.5 * here.moves_px.dot(&there.moves_px);
-                }
-            }
-            if shift == [0, 0] {
-                own = [products / count, influence];
-            } else if count > 0.0 {
+        for shift in grid.shifts() {
+            let count = sum_of_products(&grid.there, &grid.there[shift..]);
+            if count > 0.0 {
+                let [products, influence] = grid.sums(shift);
                 among += 2.0 * influence * products / count;
                 correlated_px += 2.0 * products / count;
             }
         }
-        let [square, influence] = own;
         let over_square = |sum: f64| if square > 0.0 { sum / square } else { 0.0 };
         Self {
             variance_px2: square.max(1.0) * (influence + over_square(among)).max(influence),
@@ -77,33 +71,57 @@ impl Plane {
     }
 }
 
-/// Where each pixel of a plane is in its list.
-struct Grid<'p> {
-    first: [i32; 2],
-    width: i32,
-    index: Vec<Option<&'p Influence>>,
+/// A plane's pixels row by row, zeros where there is none. A row ends in so many zeros that no neighbour is one of another row.
+struct Grid {
+    /// From a row to the next.
+    stride: usize,
+    /// 1 where there is a pixel.
+    there: Vec<f32>,
+    whitened: Vec<f32>,
+    moves_px: [Vec<f32>; 2],
 }
 
-impl<'p> Grid<'p> {
-    fn of(plane: &'p [Influence]) -> Option<Self> {
+impl Grid {
+    /// `None` of nothing.
+    fn of(plane: &[Influence]) -> Option<Self> {
         let range = |axis: usize| Some((plane.iter().map(|i| i.pixel[axis]).min()?, plane.iter().map(|i| i.pixel[axis]).max()?));
         let ((left, right), (top, bottom)) = (range(0)?, range(1)?);
-        let width = right - left + 1;
-        let mut grid = Self { first: [left, top], width, index: vec![None; (width * (bottom - top + 1)) as usize] };
+        let stride = (right - left) as usize + 1 + REACH_PX;
+        let zeros = vec![0.0; stride * ((bottom - top) as usize + 1 + REACH_PX) + LANES];
+        let mut grid = Self { stride, there: zeros.clone(), whitened: zeros.clone(), moves_px: [zeros.clone(), zeros] };
         for influence in plane {
-            let place = grid.place(influence.pixel)?;
-            grid.index[place] = Some(influence);
+            let [x, y] = influence.pixel;
+            let place = (y - top) as usize * stride + (x - left) as usize;
+            grid.there[place] = 1.0;
+            grid.whitened[place] = influence.whitened;
+            [grid.moves_px[0][place], grid.moves_px[1][place]] = influence.moves_px;
         }
         Some(grid)
     }
 
-    fn place(&self, [x, y]: [i32; 2]) -> Option<usize> {
-        let (column, row) = (x - self.first[0], y - self.first[1]);
-        let place = usize::try_from(row * self.width + column).ok()?;
-        ((0..self.width).contains(&column) && row >= 0 && place < self.index.len()).then_some(place)
+    /// Half the neighbours, as distances within the grid: the other half is the same.
+    fn shifts(&self) -> impl Iterator<Item = usize> + use<> {
+        let (stride, reach) = (self.stride, REACH_PX);
+        let below = (1..=reach).flat_map(move |dy| dy * stride - reach..=dy * stride + reach);
+        (1..=reach).chain(below)
     }
 
-    fn at(&self, pixel: [i32; 2]) -> Option<&'p Influence> {
-        self.index[self.place(pixel)?]
+    /// Sums over all pixels and their neighbours at a distance: of the products of residuals, and of those of what they move, mean of the axes.
+    #[inline(always)]
+    fn sums(&self, shift: usize) -> [f64; 2] {
+        let of = |values: &[f32]| sum_of_products(values, &values[shift..]);
+        [of(&self.whitened), 0.5 * (of(&self.moves_px[0]) + of(&self.moves_px[1]))]
     }
+}
+
+/// Of as many as both have, but for those that do not fill [`LANES`].
+#[inline(always)]
+fn sum_of_products(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    sums.into_iter().map(f64::from).sum()
 }

@@ -16,6 +16,8 @@ pub mod lock;
 pub mod look;
 pub mod marker;
 pub mod marker_position;
+mod model;
+mod normal;
 pub mod outline;
 pub mod output;
 pub mod pace;

@@ -36,19 +36,68 @@ pub struct Bounds {
     pub bottom: i32,
 }
 
-/// One pixel, in chroma or in luma.
+/// Pixels that are worked on at a time.
+pub const LANES: usize = 16;
+/// A number of each of them.
+pub type Lanes = [f32; LANES];
+
+/// Pixels, in chroma or in luma.
 #[derive(Debug, Clone, Copy)]
-pub struct Sample {
-    /// Column in the image.
-    pub u: f64,
-    /// Row in the image.
-    pub v: f64,
+pub struct Samples {
     /// What is seen, grey levels.
-    pub colour: f64,
+    pub colour: Lanes,
     /// Mean of the background nearby.
-    pub background: f64,
+    pub background: Lanes,
     /// Variance of the background nearby.
-    pub texture: f64,
+    pub texture: Lanes,
+}
+
+/// Some pixels of a patch.
+#[derive(Debug, Clone, Copy)]
+pub struct Block {
+    /// Columns from the patch's corner.
+    pub u: Lanes,
+    /// Rows from the patch's corner.
+    pub v: Lanes,
+    /// Chroma and luma.
+    pub planes: [Samples; 2],
+}
+
+impl Block {
+    /// Pixels far outside of any ball, where nothing is told: the last block is filled up with them.
+    const OUTSIDE: Self = {
+        let samples = Samples { colour: [0.0; LANES], background: [0.0; LANES], texture: [0.0; LANES] };
+        Self { u: [1e4; LANES], v: [1e4; LANES], planes: [samples; 2] }
+    };
+
+    /// All of the pixels, in blocks.
+    fn of(pixels: impl Iterator<Item = Pixel>) -> Vec<Self> {
+        let mut blocks = Vec::new();
+        for (n, pixel) in pixels.enumerate() {
+            let i = n % LANES;
+            if i == 0 {
+                blocks.push(Self::OUTSIDE);
+            }
+            if let Some(block) = blocks.last_mut() {
+                (block.u[i], block.v[i]) = (pixel.column as f32, pixel.row as f32);
+                for (k, samples) in block.planes.iter_mut().enumerate() {
+                    let [colour, background, texture] = [pixel.colour, pixel.background, pixel.texture].map(|of| of[k] as f32);
+                    (samples.colour[i], samples.background[i], samples.texture[i]) = (colour, background, texture);
+                }
+            }
+        }
+        blocks
+    }
+}
+
+/// One pixel with its background, in chroma and in luma.
+#[derive(Debug, Clone, Copy)]
+struct Pixel {
+    column: i32,
+    row: i32,
+    colour: [f64; 2],
+    background: [f64; 2],
+    texture: [f64; 2],
 }
 
 /// Chroma or luma.
@@ -59,8 +108,12 @@ pub const LUMA: usize = 1;
 /// A blob with its edge.
 #[derive(Debug, Clone)]
 pub struct Patch {
-    /// Chroma and luma of the blob and its edge.
-    pub samples: [Vec<Sample>; 2],
+    /// Column and row of the image at which the patch's pixels count from 0.
+    pub corner: [u32; 2],
+    /// Pixels of the blob and its edge: those on the white squares of a chessboard first.
+    pub blocks: Vec<Block>,
+    /// Blocks of the white squares.
+    white: usize,
     /// Mean chroma of the marker, grey levels.
     pub chroma: f64,
     /// Luma over chroma of the marker.
@@ -103,7 +156,7 @@ impl Patch {
         let colour = (0..kinds.len()).map(|i| [rgb(i).dot(&axis), rgb(i).dot(&LUMA_OF_RGB)]).collect();
         let plane = Plane::new(width as i32, height as i32, colour, kinds);
         let everywhere = plane.background(0, 0, plane.width.max(plane.height))?;
-        let mut samples = [Vec::new(), Vec::new()];
+        let mut squares = [Vec::new(), Vec::new()];
         for (i, &kind) in plane.kinds.iter().enumerate() {
             let (column, row) = (i as i32 % plane.width, i as i32 / plane.width);
             let [background, texture] = match kind {
@@ -111,41 +164,37 @@ impl Patch {
                 Kind::Edge => (WINDOW_PX..2 * reach).find_map(|half| plane.background(column, row, half))?,
                 Kind::Outside | Kind::Far => continue,
             };
-            let (u, v) = (f64::from(x) + f64::from(column), f64::from(y) + f64::from(row));
-            for k in [CHROMA, LUMA] {
-                samples[k].push(Sample { u, v, colour: plane.colour[i][k], background: background[k], texture: texture[k] });
-            }
+            squares[(column + row) as usize % 2].push(Pixel { column, row, colour: plane.colour[i], background, texture });
         }
-        Some(Self { samples, chroma: inner.dot(&axis), luma_per_chroma: inner.dot(&LUMA_OF_RGB) / inner.dot(&axis), everywhere })
+        let [mut blocks, black] = squares.map(|pixels| Block::of(pixels.into_iter()));
+        let white = blocks.len();
+        blocks.extend(black);
+        let (chroma, luma) = (inner.dot(&axis), inner.dot(&LUMA_OF_RGB));
+        Some(Self { corner: [x, y], blocks, white, chroma, luma_per_chroma: luma / chroma, everywhere })
     }
 }
 
 impl Patch {
     /// Every other pixel of it.
     pub(crate) fn chessboard(&self) -> Self {
-        let white = |samples: &Vec<Sample>| samples.iter().filter(|s| (s.u + s.v) as i64 % 2 == 0).copied().collect();
-        Self { samples: self.samples.each_ref().map(white), ..*self }
+        Self { blocks: self.blocks[..self.white].to_vec(), ..*self }
     }
 
     /// The same with `slope` times chroma taken from luma.
     pub(crate) fn without_common(&self, slope: f64) -> Self {
-        let less = |chroma: f64, luma: f64| luma - slope * chroma;
-        // Chroma and luma of a texture differ independently: muted colours, patches of light.
-        let variance = |chroma: f64, luma: f64| luma + slope * slope * chroma;
-        let [chroma, luma] = &self.samples;
-        let freed = chroma.iter().zip(luma).map(|(c, l)| Sample {
-            colour: less(c.colour, l.colour),
-            background: less(c.background, l.background),
-            texture: variance(c.texture, l.texture),
-            ..*l
-        });
-        let [mean, spread] = self.everywhere;
-        Self {
-            samples: [chroma.clone(), freed.collect()],
-            luma_per_chroma: self.luma_per_chroma - slope,
-            everywhere: [[mean[0], less(mean[0], mean[1])], [spread[0], variance(spread[0], spread[1])]],
-            ..*self
+        let by = slope as f32;
+        let mut blocks = self.blocks.clone();
+        for [chroma, luma] in blocks.iter_mut().map(|block| &mut block.planes) {
+            for i in 0..LANES {
+                luma.colour[i] -= by * chroma.colour[i];
+                luma.background[i] -= by * chroma.background[i];
+                // Chroma and luma of a texture differ independently: muted colours, patches of light.
+                luma.texture[i] += by * by * chroma.texture[i];
+            }
         }
+        let [mean, spread] = self.everywhere;
+        let everywhere = [[mean[0], mean[1] - slope * mean[0]], [spread[0], spread[1] + slope * slope * spread[0]]];
+        Self { blocks, luma_per_chroma: self.luma_per_chroma - slope, everywhere, ..*self }
     }
 
     /// The same where `noise` of the background's variance, grey levels squared, is no texture: without texture the background of all
@@ -154,10 +203,13 @@ impl Patch {
         let [mean, spread] = self.everywhere;
         for k in [CHROMA, LUMA] {
             let spread = (spread[k] - noise[k]).max(0.0);
-            let trust = spread / (spread + noise[k] / NEARBY + 1e-9);
-            for sample in &mut self.samples[k] {
-                sample.texture = (sample.texture - noise[k]).max(0.0);
-                sample.background = mean[k] + trust * (sample.background - mean[k]);
+            let trust = (spread / (spread + noise[k] / NEARBY + 1e-9)) as f32;
+            let (mean, noise) = (mean[k] as f32, noise[k] as f32);
+            for samples in self.blocks.iter_mut().map(|block| &mut block.planes[k]) {
+                for (texture, background) in samples.texture.iter_mut().zip(&mut samples.background) {
+                    *texture = (*texture - noise).max(0.0);
+                    *background = mean + trust * (*background - mean);
+                }
             }
         }
         self

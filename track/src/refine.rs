@@ -9,7 +9,8 @@
 //! | the same at the edge and inside, beyond the noise | what the model misses, over contrast and brightness |
 //! | the coefficients of brightness over their own deviations | how much shade to allow for: none where none is seen |
 
-use crate::centre::{BRIGHTNESS, Settled, Told, Weights, residuals};
+use crate::centre::{BRIGHTNESS, Settled, Weights, residuals};
+use crate::model::Told;
 use crate::patch::Patch;
 
 /// Least noise: what rounding to whole grey levels leaves.
@@ -21,40 +22,56 @@ const HUBER: f64 = 2.5;
 
 /// One pixel's residuals, chroma and luma.
 pub(crate) struct Residual {
-    pub(crate) told: [Told; 2],
+    of: [Seen; 2],
+}
+
+/// What [`Told`] says of one pixel.
+struct Seen {
+    miss: f64,
+    share: f64,
+    contrast: f64,
+    bright: f64,
 }
 
 impl Residual {
+    /// Of the `i`-th pixel.
+    pub(crate) fn of(told: &[Told; 2], i: usize) -> Self {
+        let seen = |told: &Told| {
+            let [miss, share, contrast, bright] = [told.miss[i], told.share[i], told.contrast[i], told.bright[i]].map(f64::from);
+            Seen { miss, share, contrast, bright }
+        };
+        Self { of: told.each_ref().map(seen) }
+    }
+
     fn is_away(&self) -> bool {
-        let share = self.told[0].share;
+        let share = self.of[0].share;
         share.min(1.0 - share) < AWAY
     }
 }
 
 /// The patch with luma freed of what it has in common with chroma, and the weights.
 pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
-    let all: Vec<Residual> = residuals(patch, &first.x).collect();
+    let all: Vec<Residual> = residuals(patch, &first.x);
     let common = |of: fn(&Residual) -> f64| robust_mean(all.iter().filter(|r| r.is_away()).map(of));
-    let chroma2 = common(|r| r.told[0].miss.powi(2)).max(ROUNDING * ROUNDING);
-    let slope = common(|r| r.told[0].miss * r.told[1].miss) / chroma2;
+    let chroma2 = common(|r| r.of[0].miss.powi(2)).max(ROUNDING * ROUNDING);
+    let slope = common(|r| r.of[0].miss * r.of[1].miss) / chroma2;
     let patch = patch.without_common(slope);
-    let all: Vec<Residual> = residuals(&patch, &first.x).collect();
+    let all: Vec<Residual> = residuals(&patch, &first.x);
     let mut weights = Weights { huber: HUBER, ..Weights::default() };
     for k in 0..2 {
-        let square = |told: &Told| told.miss * told.miss;
-        let noise2 = robust_mean(all.iter().filter(|r| r.is_away()).map(|r| square(&r.told[k]))).max(ROUNDING * ROUNDING);
-        let beyond = |wanted: fn(&Residual) -> bool, scale: fn(&Told) -> f64| {
+        let square = |seen: &Seen| seen.miss * seen.miss;
+        let noise2 = robust_mean(all.iter().filter(|r| r.is_away()).map(|r| square(&r.of[k]))).max(ROUNDING * ROUNDING);
+        let beyond = |wanted: fn(&Residual) -> bool, scale: fn(&Seen) -> f64| {
             let there = || all.iter().filter(|r| wanted(r));
-            let excess = robust_mean(there().map(|r| square(&r.told[k]))) - noise2;
-            let scale2 = there().map(|r| scale(&r.told[k]).powi(2)).sum::<f64>() / there().count().max(1) as f64;
+            let excess = robust_mean(there().map(|r| square(&r.of[k]))) - noise2;
+            let scale2 = there().map(|r| scale(&r.of[k]).powi(2)).sum::<f64>() / there().count().max(1) as f64;
             if scale2 > 0.0 { (excess.max(0.0) / scale2).sqrt() } else { 0.0 }
         };
         weights.noise[k] = noise2.sqrt();
-        weights.edge[k] = beyond(|r| !r.is_away(), |told| 4.0 * told.share * (1.0 - told.share) * told.contrast);
-        weights.inside[k] = beyond(|r| r.is_away() && r.told[0].share > 0.5, |told| told.bright);
+        weights.edge[k] = beyond(|r| !r.is_away(), |seen| 4.0 * seen.share * (1.0 - seen.share) * seen.contrast);
+        weights.inside[k] = beyond(|r| r.is_away() && r.of[0].share > 0.5, |seen| seen.bright);
     }
     weights.shade = shade(first);
-    drop(all);
     (patch.without_noise(weights.noise.map(|noise| noise * noise)), weights)
 }
 
