@@ -15,12 +15,13 @@
 //! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
 //! `refine`.
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f32x16};
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use crate::correlated::{Influence, centre_variance_px2};
 use crate::model::Model;
-use crate::normal::Normal;
+use crate::normal::{Normal, Sums};
 use crate::patch::{CHROMA, LANES, LUMA, Patch};
 use crate::refine::{Residual, refined};
 use crate::sieve::LEVEL;
@@ -152,8 +153,7 @@ impl Start {
 
         let mut x = from.unwrap_or(prior);
         for _ in 0..ITERATIONS {
-            let mut normal = Normal::ZERO;
-            dispatch!(*LEVEL, simd => add_pixels(simd, &mut normal, &x, patch, weights));
+            let normal = dispatch!(*LEVEL, simd => normal_of(simd, &x, patch, weights));
             let (step, covariance) = normal.solve(&stiffness, &(prior - x))?;
             let largest = step.fixed_rows::<3>(0).amax();
             x += step * (2.0 / largest).min(1.0);
@@ -181,51 +181,50 @@ pub(crate) fn residuals(patch: &Patch, x: &Vector) -> Vec<Residual> {
 }
 
 #[inline(always)]
-fn add_residuals<S: Simd>(_: S, residuals: &mut Vec<Residual>, patch: &Patch, x: &Vector) {
-    let model = Model::new(x, patch);
+fn add_residuals<S: Simd>(simd: S, residuals: &mut Vec<Residual>, patch: &Patch, x: &Vector) {
+    let model = Model::new(simd, x, patch);
     for block in &patch.blocks {
         let place = model.place(block);
-        let told = [CHROMA, LUMA].map(|k| model.tell(block, &place, k));
-        residuals.extend((0..LANES).filter(|&i| told.iter().all(|told| told.tells[i])).map(|i| Residual::of(&told, i)));
+        let told = [model.tell(block, &place, CHROMA), model.tell(block, &place, LUMA)];
+        residuals.extend((0..LANES).filter(|&i| told.iter().all(|told| told.tells.test(i))).map(|i| Residual::of(&told, i)));
     }
 }
 
 #[inline(always)]
-fn add_pixels<S: Simd>(_: S, normal: &mut Normal, x: &Vector, patch: &Patch, weights: &Weights) {
-    let model = Model::new(x, patch);
+fn normal_of<S: Simd>(simd: S, x: &Vector, patch: &Patch, weights: &Weights) -> Normal {
+    let model = Model::new(simd, x, patch);
+    let mut sums = Sums::zero(simd);
     for block in &patch.blocks {
         let place = model.place(block);
         for k in [CHROMA, LUMA] {
             let told = model.tell(block, &place, k);
-            normal.add(&told, &told.weights(&block.planes[k], weights, k));
+            sums.add(&told, told.weights(simd, &block.planes[k], weights, k));
         }
     }
+    sums.over_lanes()
 }
 
 #[inline(always)]
-fn add_influences<S: Simd>(_: S, influences: &mut [Vec<Influence>; 2], settled: &Settled, patch: &Patch, weights: &Weights) {
-    let model = Model::new(&settled.x, patch);
+fn add_influences<S: Simd>(simd: S, influences: &mut [Vec<Influence>; 2], settled: &Settled, patch: &Patch, weights: &Weights) {
+    let model = Model::new(simd, &settled.x, patch);
     for block in &patch.blocks {
         let place = model.place(block);
         for (k, influences) in influences.iter_mut().enumerate() {
             let told = model.tell(block, &place, k);
-            let root_weights = told.weights(&block.planes[k], weights, k).map(f32::sqrt);
-            let moves_px = [0, 1].map(|axis| {
-                let mut moves = [0.0; LANES];
-                for (j, row) in told.rows.iter().enumerate() {
-                    let per_level = settled.covariance[(axis, j)] as f32;
-                    for i in 0..LANES {
-                        moves[i] += per_level * row[i] * root_weights[i];
-                    }
+            let root_weights = told.weights(simd, &block.planes[k], weights, k).sqrt();
+            let mut moves_px = [f32x16::splat(simd, 0.0); 2];
+            for (j, row) in told.rows.iter().enumerate() {
+                for (axis, moves_px) in moves_px.iter_mut().enumerate() {
+                    *moves_px += *row * root_weights * settled.covariance[(axis, j)] as f32;
                 }
-                moves
-            });
+            }
+            let whitened = root_weights * told.miss;
             let of = |i: usize| Influence {
                 pixel: [block.u[i] as i32, block.v[i] as i32],
-                whitened: root_weights[i] * told.miss[i],
+                whitened: whitened[i],
                 moves_px: moves_px.map(|moves| moves[i]),
             };
-            influences.extend((0..LANES).filter(|&i| told.tells[i]).map(of));
+            influences.extend((0..LANES).filter(|&i| told.tells.test(i)).map(of));
         }
     }
 }

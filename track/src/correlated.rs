@@ -10,7 +10,8 @@
 //! A fit of `p` unknowns leaves residuals smaller than the errors. Pixels that err together are fewer than they look, `n / sum_d R(d)`, so
 //! that the variance is raised by `1 / (1 - p sum_d R(d) / n)`.
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f32x16};
 
 use crate::patch::LANES;
 use crate::sieve::LEVEL;
@@ -50,15 +51,15 @@ struct Plane {
 
 impl Plane {
     #[inline(always)]
-    fn of<S: Simd>(_: S, plane: &[Influence]) -> Self {
+    fn of<S: Simd>(simd: S, plane: &[Influence]) -> Self {
         let Some(grid) = Grid::of(plane) else { return Self { variance_px2: 0.0, independent: 0.0 } };
-        let [square, influence] = grid.sums(0);
+        let [square, influence] = grid.sums(simd, 0);
         let square = square / plane.len() as f64;
         let (mut among, mut correlated_px) = (0.0, 0.0);
         for shift in grid.shifts() {
-            let count = sum_of_products(&grid.there, &grid.there[shift..]);
+            let count = sum_of_products(simd, &grid.there, &grid.there[shift..]);
             if count > 0.0 {
-                let [products, influence] = grid.sums(shift);
+                let [products, influence] = grid.sums(simd, shift);
                 among += 2.0 * influence * products / count;
                 correlated_px += 2.0 * products / count;
             }
@@ -108,20 +109,19 @@ impl Grid {
 
     /// Sums over all pixels and their neighbours at a distance: of the products of residuals, and of those of what they move, mean of the axes.
     #[inline(always)]
-    fn sums(&self, shift: usize) -> [f64; 2] {
-        let of = |values: &[f32]| sum_of_products(values, &values[shift..]);
-        [of(&self.whitened), 0.5 * (of(&self.moves_px[0]) + of(&self.moves_px[1]))]
+    fn sums<S: Simd>(&self, simd: S, shift: usize) -> [f64; 2] {
+        let [across, along] = &self.moves_px;
+        let moves = sum_of_products(simd, across, &across[shift..]) + sum_of_products(simd, along, &along[shift..]);
+        [sum_of_products(simd, &self.whitened, &self.whitened[shift..]), 0.5 * moves]
     }
 }
 
 /// Of as many as both have, but for those that do not fill [`LANES`].
 #[inline(always)]
-fn sum_of_products(a: &[f32], b: &[f32]) -> f64 {
-    let mut sums = [0.0; LANES];
-    for (a, b) in a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
+fn sum_of_products<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = f32x16::splat(simd, 0.0);
+    for (&a, &b) in a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0) {
+        sums += f32x16::load_array(simd, a) * f32x16::load_array(simd, b);
     }
-    sums.into_iter().map(f64::from).sum()
+    sums.reduce_sum().into()
 }

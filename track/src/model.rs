@@ -1,10 +1,13 @@
-//! What the model of [`crate::centre`] says of pixels, [`LANES`] at a time in single precision, and its derivatives.
+//! What the model of [`crate::centre`] says of pixels, [`LANES`](crate::patch::LANES) at a time in single precision, and its derivatives.
 //!
-//! No pixel branches: where one is all background, what it tells has no weight. So the compiler does many at once. Grey levels need no more than
-//! single precision, and places count from the patch's corner, so that a centre is exact to 1e-6 px.
+//! No pixel branches: where one is all background, what it tells has no weight. Grey levels need no more than single precision, and places
+//! count from the patch's corner, so that a centre is exact to 1e-6 px.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x16, mask32x16};
 
 use crate::centre::{BLUR, BRIGHTNESS, SIZE, Vector, Weights};
-use crate::patch::{Block, LANES, Lanes, Patch, Samples};
+use crate::patch::{Block, Patch, Samples};
 
 /// Beyond so many blurs outside the outline a pixel tells nothing of the ball, and within so many all of it is marker.
 const OUTSIDE: f32 = 4.0;
@@ -15,151 +18,144 @@ const NORMAL: [f32; 2] = [1.5976, 0.070_565_99];
 const DENSITY: f32 = 0.398_942_3;
 
 /// A ball with given unknowns.
-pub(crate) struct Model {
+pub(crate) struct Model<S> {
+    simd: S,
     x: [f32; SIZE],
     /// Brightness of chroma and of luma over that of chroma.
     gain: [f32; 2],
 }
 
 /// Where pixels are on the outline's own scale.
-pub(crate) struct Place {
-    dx: Lanes,
-    dy: Lanes,
-    from_centre: Lanes,
+pub(crate) struct Place<S: Simd> {
+    dx: f32x16<S>,
+    dy: f32x16<S>,
+    from_centre: f32x16<S>,
     /// From the outline [px], positive outside.
-    distance: Lanes,
+    distance: f32x16<S>,
     /// What the distance loses by centre, radius and elongations.
-    nearer: [Lanes; BLUR],
+    nearer: [f32x16<S>; BLUR],
 }
 
 /// What the model says of pixels, in one coordinate of colour.
-pub(crate) struct Told {
+pub(crate) struct Told<S: Simd> {
     /// Colour seen minus colour told.
-    pub(crate) miss: Lanes,
+    pub(crate) miss: f32x16<S>,
     /// Share of the marker in the pixel.
-    pub(crate) share: Lanes,
+    pub(crate) share: f32x16<S>,
     /// Marker minus background.
-    pub(crate) contrast: Lanes,
+    pub(crate) contrast: f32x16<S>,
     /// The marker's own colour there.
-    pub(crate) bright: Lanes,
+    pub(crate) bright: f32x16<S>,
     /// Whether the pixel is more than background.
-    pub(crate) tells: [bool; LANES],
+    pub(crate) tells: mask32x16<S>,
     /// Derivatives of the colour told by the unknowns.
-    pub(crate) rows: [Lanes; SIZE],
+    pub(crate) rows: [f32x16<S>; SIZE],
 }
 
-impl Model {
+impl<S: Simd> Model<S> {
     /// For pixels of `patch`.
-    pub(crate) fn new(x: &Vector, patch: &Patch) -> Self {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, x: &Vector, patch: &Patch) -> Self {
         let mut from_corner = *x;
         from_corner[0] -= f64::from(patch.corner[0]);
         from_corner[1] -= f64::from(patch.corner[1]);
-        Self { x: std::array::from_fn(|i| from_corner[i] as f32), gain: [1.0, patch.luma_per_chroma as f32] }
+        Self { simd, x: std::array::from_fn(|i| from_corner[i] as f32), gain: [1.0, patch.luma_per_chroma as f32] }
     }
 
     #[inline(always)]
-    pub(crate) fn place(&self, block: &Block) -> Place {
+    pub(crate) fn place(&self, block: &Block) -> Place<S> {
         let [u, v, radius, e, f, ..] = self.x;
-        let zero = [0.0; LANES];
-        let mut place = Place { dx: zero, dy: zero, from_centre: zero, distance: zero, nearer: [zero; BLUR] };
-        for i in 0..LANES {
-            let (dx, dy) = (block.u[i] - u, block.v[i] - v);
-            let (x, y) = ((1.0 + e) * dx + f * dy, f * dx + (1.0 - e) * dy);
-            let from_centre = (x * x + y * y).sqrt().max(1e-6);
-            let (x, y) = (x / from_centre, y / from_centre);
-            (place.dx[i], place.dy[i]) = (dx, dy);
-            (place.from_centre[i], place.distance[i]) = (from_centre, from_centre - radius);
-            place.nearer[0][i] = x * (1.0 + e) + y * f;
-            place.nearer[1][i] = x * f + y * (1.0 - e);
-            place.nearer[2][i] = 1.0;
-            place.nearer[3][i] = y * dy - x * dx;
-            place.nearer[4][i] = -(x * dy + y * dx);
-        }
-        place
+        let (dx, dy) = (f32x16::load_array(self.simd, block.u) - u, f32x16::load_array(self.simd, block.v) - v);
+        let (x, y) = (dx * (1.0 + e) + dy * f, dx * f + dy * (1.0 - e));
+        let from_centre = (x * x + y * y).sqrt().max(1e-6);
+        let (x, y) = (x / from_centre, y / from_centre);
+        let nearer = [x * (1.0 + e) + y * f, x * f + y * (1.0 - e), f32x16::splat(self.simd, 1.0), y * dy - x * dx, -(x * dy + y * dx)];
+        Place { dx, dy, from_centre, distance: from_centre - radius, nearer }
     }
 
     /// In chroma or luma `k`.
     #[inline(always)]
-    pub(crate) fn tell(&self, block: &Block, place: &Place, k: usize) -> Told {
+    pub(crate) fn tell(&self, block: &Block, place: &Place<S>, k: usize) -> Told<S> {
         let (radius, blur, gain) = (self.x[2], self.x[BLUR + k], self.gain[k]);
-        let samples = &block.planes[k];
-        let zero = [0.0; LANES];
-        let mut told = Told { miss: zero, share: zero, contrast: zero, bright: zero, tells: [false; LANES], rows: [zero; SIZE] };
-        let mut slope = zero;
-        for i in 0..LANES {
-            let t = place.distance[i] / blur;
-            told.tells[i] = t <= OUTSIDE;
-            let t = t.clamp(INSIDE, OUTSIDE);
-            let share = 1.0 / (1.0 + exp(t * (NORMAL[0] + NORMAL[1] * t * t)));
-            // Blur brings the marker's light to a pixel from within the outline: the mean of the distances below 0.
-            let within = (t - DENSITY * exp(-0.5 * t * t) / share) * blur;
-            // The ball's surface normal there, and its products: spherical harmonics up to the second order.
-            let inwards = (radius + within).max(0.0) / (place.from_centre[i] * radius);
-            let (nx, ny) = (place.dx[i] * inwards, place.dy[i] * inwards);
-            let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
-            let harmonics = [1.0, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, 3.0 * nz * nz - 1.0];
-            let mut brightness = 0.0;
-            for (j, harmonic) in harmonics.into_iter().enumerate() {
-                brightness += harmonic * self.x[BRIGHTNESS + j];
-                told.rows[BRIGHTNESS + j][i] = gain * share * harmonic;
-            }
-            let bright = gain * brightness;
-            let contrast = bright - samples.background[i];
-            told.miss[i] = samples.colour[i] - samples.background[i] - share * contrast;
-            (told.share[i], told.contrast[i], told.bright[i]) = (share, contrast, bright);
-            slope[i] = share * (1.0 - share) * (NORMAL[0] + 3.0 * NORMAL[1] * t * t) / blur * contrast;
-            told.rows[BLUR + k][i] = slope[i] * t;
+        let [colour, background] = [block.planes[k].colour, block.planes[k].background].map(|of| f32x16::load_array(self.simd, of));
+        let t = place.distance / blur;
+        let tells = t.simd_le(OUTSIDE);
+        let t = t.max(INSIDE).min(OUTSIDE);
+        let share = 1.0 / (exp(t * (t * t * NORMAL[1] + NORMAL[0])) + 1.0);
+        // Blur brings the marker's light to a pixel from within the outline: the mean of the distances below 0.
+        let within = (t - exp(t * t * -0.5) * DENSITY / share) * blur;
+        // The ball's surface normal there, and its products: spherical harmonics up to the second order.
+        let inwards = (within + radius).max(0.0) / (place.from_centre * radius);
+        let (nx, ny) = (place.dx * inwards, place.dy * inwards);
+        let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
+        let one = f32x16::splat(self.simd, 1.0);
+        let harmonics = [one, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, nz * nz * 3.0 - 1.0];
+        let mut brightness = f32x16::splat(self.simd, 0.0);
+        for (harmonic, coefficient) in harmonics.iter().zip(&self.x[BRIGHTNESS..]) {
+            brightness += *harmonic * *coefficient;
         }
-        for (row, nearer) in told.rows.iter_mut().zip(&place.nearer) {
-            for i in 0..LANES {
-                row[i] = slope[i] * nearer[i];
-            }
+        let bright = brightness * gain;
+        let contrast = bright - background;
+        let slope = share * (1.0 - share) * (t * t * (3.0 * NORMAL[1]) + NORMAL[0]) / blur * contrast;
+
+        let mut rows = [f32x16::splat(self.simd, 0.0); SIZE];
+        for (row, nearer) in rows.iter_mut().zip(&place.nearer) {
+            *row = slope * *nearer;
         }
-        told
+        rows[BLUR + k] = slope * t;
+        for (row, harmonic) in rows[BRIGHTNESS..].iter_mut().zip(&harmonics) {
+            *row = share * gain * *harmonic;
+        }
+        Told { miss: colour - background - share * contrast, share, contrast, bright, tells, rows }
     }
 }
 
-impl Told {
+impl<S: Simd> Told<S> {
     /// Weights of the squared misses: the inverse of their expected squares, less for outliers.
     #[inline(always)]
-    pub(crate) fn weights(&self, samples: &Samples, weights: &Weights, k: usize) -> Lanes {
+    pub(crate) fn weights(&self, simd: S, samples: &Samples, weights: &Weights, k: usize) -> f32x16<S> {
         let [noise, edge, inside] = [weights.noise[k], weights.edge[k], weights.inside[k]].map(|w| w as f32);
-        let huber = weights.huber as f32;
-        let mut of = [0.0; LANES];
-        for i in 0..LANES {
-            let (share, background) = (self.share[i], 1.0 - self.share[i]);
-            let (at_edge, within) = (edge * 4.0 * share * background * self.contrast[i], inside * share * self.bright[i]);
-            let variance = noise * noise + background * background * samples.texture[i] + at_edge * at_edge + within * within;
-            let weight = (huber * variance.sqrt() / self.miss[i].abs().max(1e-9)).min(1.0) / variance;
-            of[i] = if self.tells[i] { weight } else { 0.0 };
-        }
-        of
+        let texture = f32x16::load_array(simd, samples.texture);
+        let background = 1.0 - self.share;
+        let at_edge = self.share * background * self.contrast * (4.0 * edge);
+        let within = self.share * self.bright * inside;
+        let variance = background * background * texture + at_edge * at_edge + within * within + noise * noise;
+        let weight = (variance.sqrt() * weights.huber as f32 / self.miss.abs().max(1e-9)).min(1.0) / variance;
+        self.tells.select(weight, f32x16::splat(simd, 0.0))
     }
 }
 
 /// `e^x` to 2e-7 of it for `|x|` below 87, by a power of two and a Taylor series.
 #[inline(always)]
-fn exp(x: f32) -> f32 {
+fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
     // Adding it leaves a whole number in the lowest bits.
     const WHOLE: f32 = 12_582_912.0;
     let shifted = x * std::f32::consts::LOG2_E + WHOLE;
     let part = x - (shifted - WHOLE) * std::f32::consts::LN_2;
-    let series = 1.0 + part * (1.0 + part * (1.0 / 2.0 + part * (1.0 / 6.0 + part * (1.0 / 24.0 + part * (1.0 / 120.0 + part / 720.0)))));
-    series * f32::from_bits((shifted.to_bits() << 23).wrapping_add(1.0_f32.to_bits()))
+    let mut series = part * (1.0 / 720.0) + 1.0 / 120.0;
+    for coefficient in [1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
+        series = series * part + coefficient;
+    }
+    series * f32x16::from_bits((shifted.to_bits() << 23) + 1.0_f32.to_bits())
 }
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::dispatch;
+
     use super::*;
+    use crate::sieve::LEVEL;
 
     #[test]
     fn powers_of_e_are_those_of_the_library() {
-        for i in -8700..8700 {
-            let x = i as f32 / 100.0;
-            let exact = f64::from(x).exp();
-            // The argument's own rounding counts `x` times.
-            let limit = 2e-7 + 1.2e-7 * f64::from(x.abs());
-            assert!((f64::from(exp(x)) / exact - 1.0).abs() < limit, "{x}: {} {exact}", exp(x));
+        for first in (-8700..8700).step_by(16) {
+            let x: [f32; 16] = std::array::from_fn(|i| (first + i as i32) as f32 / 100.0);
+            let powers: [f32; 16] = dispatch!(*LEVEL, simd => exp(f32x16::load_array(simd, x)).to_array());
+            for (x, power) in x.into_iter().zip(powers) {
+                // The argument's own rounding counts `x` times.
+                let limit = 2e-7 + 1.2e-7 * f64::from(x.abs());
+                assert!((f64::from(power) / f64::from(x).exp() - 1.0).abs() < limit, "{x}: {power}");
+            }
         }
     }
 }

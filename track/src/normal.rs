@@ -1,53 +1,55 @@
-//! Normal equations of one Gauss-Newton step, `(J' W J + P) step = J' W miss + P (prior - x)`, from [`LANES`] pixels at a time.
+//! Normal equations of one Gauss-Newton step, `(J' W J + P) step = J' W miss + P (prior - x)`, from
+//! [`LANES`](crate::patch::LANES) pixels at a time.
+
+use fearless_simd::f32x16;
+use fearless_simd::prelude::*;
 
 use crate::centre::{Matrix, SIZE, Vector};
 use crate::model::Told;
-use crate::patch::{LANES, Lanes};
 
-/// Sums over pixels, each lane's apart.
-pub(crate) struct Normal {
+/// Sums over pixels, those of each lane apart.
+pub(crate) struct Sums<S: Simd> {
     /// Upper triangle.
-    matrix: [[Lanes; SIZE]; SIZE],
-    vector: [Lanes; SIZE],
+    matrix: [[f32x16<S>; SIZE]; SIZE],
+    vector: [f32x16<S>; SIZE],
 }
 
-impl Normal {
-    pub(crate) const ZERO: Self = Self { matrix: [[[0.0; LANES]; SIZE]; SIZE], vector: [[0.0; LANES]; SIZE] };
+/// `J' W J` and `J' W miss`.
+pub(crate) struct Normal {
+    matrix: Matrix,
+    vector: Vector,
+}
+
+impl<S: Simd> Sums<S> {
+    #[inline(always)]
+    pub(crate) fn zero(simd: S) -> Self {
+        let zero = f32x16::splat(simd, 0.0);
+        Self { matrix: [[zero; SIZE]; SIZE], vector: [zero; SIZE] }
+    }
 
     #[inline(always)]
-    pub(crate) fn add(&mut self, told: &Told, weights: &Lanes) {
+    pub(crate) fn add(&mut self, told: &Told<S>, weights: f32x16<S>) {
         for i in 0..SIZE {
-            let weighted = product(&told.rows[i], weights);
-            add_product(&mut self.vector[i], &weighted, &told.miss);
+            let weighted = told.rows[i] * weights;
+            self.vector[i] = weighted.mul_add(told.miss, self.vector[i]);
             for j in i..SIZE {
-                add_product(&mut self.matrix[i][j], &weighted, &told.rows[j]);
+                self.matrix[i][j] = weighted.mul_add(told.rows[j], self.matrix[i][j]);
             }
         }
     }
 
+    #[inline(always)]
+    pub(crate) fn over_lanes(&self) -> Normal {
+        let matrix = Matrix::from_fn(|i, j| f64::from(self.matrix[i.min(j)][i.max(j)].reduce_sum()));
+        Normal { matrix, vector: Vector::from_fn(|i, _| f64::from(self.vector[i].reduce_sum())) }
+    }
+}
+
+impl Normal {
     /// The step and the covariance, where a prior of this stiffness is so far away.
     pub(crate) fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Matrix)> {
-        let sum = |lanes: &Lanes| lanes.iter().copied().map(f64::from).sum::<f64>();
-        let matrix = Matrix::from_fn(|i, j| sum(&self.matrix[i.min(j)][i.max(j)])) + Matrix::from_diagonal(stiffness);
-        let vector = Vector::from_fn(|i, _| sum(&self.vector[i]));
-        let covariance = matrix.cholesky()?.inverse();
-        let step = covariance * (vector + stiffness.component_mul(to_prior));
+        let covariance = (self.matrix + Matrix::from_diagonal(stiffness)).cholesky()?.inverse();
+        let step = covariance * (self.vector + stiffness.component_mul(to_prior));
         step.iter().all(|v| v.is_finite()).then_some((step, covariance))
-    }
-}
-
-#[inline(always)]
-fn product(a: &Lanes, b: &Lanes) -> Lanes {
-    let mut product = *a;
-    for (product, b) in product.iter_mut().zip(b) {
-        *product *= b;
-    }
-    product
-}
-
-#[inline(always)]
-fn add_product(sum: &mut Lanes, a: &Lanes, b: &Lanes) {
-    for ((sum, a), b) in sum.iter_mut().zip(a).zip(b) {
-        *sum += a * b;
     }
 }

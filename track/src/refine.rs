@@ -9,6 +9,8 @@
 //! | the same at the edge and inside, beyond the noise | what the model misses, over contrast and brightness |
 //! | the coefficients of brightness over their own deviations | how much shade to allow for: none where none is seen |
 
+use fearless_simd::Simd;
+
 use crate::centre::{BRIGHTNESS, Settled, Weights, residuals};
 use crate::model::Told;
 use crate::patch::Patch;
@@ -35,8 +37,9 @@ struct Seen {
 
 impl Residual {
     /// Of the `i`-th pixel.
-    pub(crate) fn of(told: &[Told; 2], i: usize) -> Self {
-        let seen = |told: &Told| {
+    #[inline(always)]
+    pub(crate) fn of<S: Simd>(told: &[Told<S>; 2], i: usize) -> Self {
+        let seen = |told: &Told<S>| {
             let [miss, share, contrast, bright] = [told.miss[i], told.share[i], told.contrast[i], told.bright[i]].map(f64::from);
             Seen { miss, share, contrast, bright }
         };
