@@ -63,13 +63,13 @@ impl Moving {
         let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
         let mut tracker = Tracker::new(cameras, base_from_left, &predictor, marker);
         let bar = cli::progress(frames[0] + frames[1], "following the marker");
-        let counts = batches::for_each(log, cameras, pair_within_s, |step| {
+        let counts = batches::for_each_encoded(log, cameras, pair_within_s, |step| {
             tracker.step(step);
             bar.inc(step.iter().flatten().count() as u64);
         })?;
         bar.finish_and_clear();
-        let (records, _) = tracker.finish();
-        Ok(Self { lost: counts.lost(), ..Self::new(recording, records)? })
+        let followed = tracker.finish();
+        Ok(Self { lost: counts.lost() + followed.undecodable, ..Self::new(recording, followed.records)? })
     }
 
     /// A recording and what was seen in the frames of both cameras.

@@ -1,15 +1,14 @@
-//! Frames of a log, decoded a batch at a time on all cores while the batch before is being tracked.
+//! Frames of a log in the order of time, those of both cameras that belong together at once, while the next are being read.
 
 use std::path::Path;
 
+use image::RgbImage;
 use raven::camera::Cameras;
 use raven::log::{CameraFrame, Side, Stamp, frames};
 use raven::{Error, Result};
 use rayon::prelude::*;
 
-use crate::tracker::Frame;
-
-/// Frames that are decoded at a time. Two batches are in memory: 2 x 32 x 0.9 MB at 640x480.
+/// Frames that are read at a time. Two batches are in memory: decoded, 2 x 32 x 0.9 MB at 640x480.
 const BATCH: usize = 32;
 
 /// How many frames there were and what became of them.
@@ -33,63 +32,103 @@ impl Counts {
     }
 }
 
-/// Decodes the frames of `log` and hands them to `take` in the order of time: both cameras' together, left first, where they are within
-/// `pair_within_s`, else one alone.
+/// A decoded frame.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// When it was taken.
+    pub stamp: Stamp,
+    /// Its pixels.
+    pub image: RgbImage,
+}
+
+/// Decodes the frames of `log` on all cores and hands them to `take` in the order of time: both cameras' together, left first, where they
+/// are within `pair_within_s`, else one alone.
 ///
 /// # Errors
 /// If the log has no cameras or is damaged, or no frame of a camera has the size that was calibrated.
 pub fn for_each(log: &Path, cameras: &Cameras, pair_within_s: f64, take: impl FnMut([Option<&Frame>; 2]) + Send) -> Result<Counts> {
+    let open = |frame: CameraFrame| frame.decode_rgb().ok().map(|image| Frame { stamp: frame.stamp, image });
+    hand_over(log, cameras, pair_within_s, open, take)
+}
+
+/// The same without decoding them: whether their pixels can be decoded is left to `take`.
+///
+/// # Errors
+/// As [`for_each`].
+pub fn for_each_encoded(
+    log: &Path,
+    cameras: &Cameras,
+    pair_within_s: f64,
+    take: impl FnMut([Option<&CameraFrame>; 2]) + Send,
+) -> Result<Counts> {
+    hand_over(log, cameras, pair_within_s, Some, take)
+}
+
+fn hand_over<F: Send>(
+    log: &Path,
+    cameras: &Cameras,
+    pair_within_s: f64,
+    open: impl Fn(CameraFrame) -> Option<F> + Sync + Send,
+    take: impl FnMut([Option<&F>; 2]) + Send,
+) -> Result<Counts> {
     let counts = Counts::default();
-    let mut source = Source { frames: Box::new(frames(log)?), cameras, counts, right_size: [0; 2], wrong_size: [None; 2] };
+    let mut source = Source { frames: Box::new(frames(log)?), cameras, counts, right_size: [0; 2], wrong_size: [None; 2], open };
     let mut queue = Queue { waiting: Vec::new(), last: [None; 2], out_of_order: 0, pair_within_s, take };
     loop {
         let (next, ()) = rayon::join(|| source.next(), || queue.hand_over(1));
         let Some(next) = next? else { break };
         queue.waiting.extend(next);
-        queue.waiting.sort_by_key(|(side, frame)| (frame.stamp, *side));
+        queue.waiting.sort_by_key(|waiting| (waiting.stamp, waiting.side));
     }
     queue.hand_over(0);
     source.check_sizes(log)?;
     Ok(Counts { out_of_order: queue.out_of_order, ..source.counts })
 }
 
-struct Source<'c> {
+struct Source<'c, O> {
     frames: Box<dyn Iterator<Item = Result<CameraFrame>> + Send>,
     cameras: &'c Cameras,
     counts: Counts,
     /// Frames of the calibrated size, and one of the other sizes, of each camera.
     right_size: [usize; 2],
     wrong_size: [Option<(u32, u32)>; 2],
+    open: O,
 }
 
-impl Source<'_> {
-    /// The next batch without what cannot be decoded or has another size; `None` at the end.
-    fn next(&mut self) -> Result<Option<Vec<(Side, Frame)>>> {
-        let encoded: Vec<CameraFrame> = self.frames.by_ref().take(BATCH).collect::<Result<_>>()?;
+impl<F: Send, O: Fn(CameraFrame) -> Option<F> + Sync + Send> Source<'_, O> {
+    /// The next batch without what cannot be opened or has another size; `None` at the end.
+    fn next(&mut self) -> Result<Option<Vec<Waiting<F>>>> {
+        let mut encoded: Vec<CameraFrame> = self.frames.by_ref().take(BATCH).collect::<Result<_>>()?;
         if encoded.is_empty() {
             return Ok(None);
         }
-        for frame in &encoded {
-            self.counts.frames[frame.side as usize] += 1;
-        }
-        let whole = |frame: &CameraFrame| {
-            let image = if frame.is_truncated() { None } else { frame.decode_rgb().ok() };
-            image.map(|image| (frame.side, Frame { stamp: frame.stamp, image }))
+        encoded.retain(|frame| self.admits(frame));
+        let open = |frame: CameraFrame| {
+            let (side, stamp) = (frame.side, frame.stamp);
+            (self.open)(frame).map(|frame| Waiting { side, stamp, frame })
         };
-        let mut decoded: Vec<(Side, Frame)> = encoded.par_iter().filter_map(whole).collect();
-        self.counts.undecodable += encoded.len() - decoded.len();
-        decoded.retain(|(side, frame)| {
-            let (size, k) = (frame.image.dimensions(), *side as usize);
-            let fits = size == calibrated(self.cameras, *side);
-            if fits {
-                self.right_size[k] += 1;
-            } else {
-                self.counts.other_size += 1;
-                self.wrong_size[k].get_or_insert(size);
-            }
-            fits
-        });
-        Ok(Some(decoded))
+        let admitted = encoded.len();
+        let opened: Vec<Waiting<F>> = encoded.into_par_iter().filter_map(open).collect();
+        self.counts.undecodable += admitted - opened.len();
+        Ok(Some(opened))
+    }
+
+    /// Whether a frame is whole and as large as was calibrated.
+    fn admits(&mut self, frame: &CameraFrame) -> bool {
+        let k = frame.side as usize;
+        self.counts.frames[k] += 1;
+        let Some(size) = frame.size().ok().filter(|_| !frame.is_truncated()) else {
+            self.counts.undecodable += 1;
+            return false;
+        };
+        let fits = size == calibrated(self.cameras, frame.side);
+        if fits {
+            self.right_size[k] += 1;
+        } else {
+            self.counts.other_size += 1;
+            self.wrong_size[k].get_or_insert(size);
+        }
+        fits
     }
 
     /// Refuses a camera whose frames are all of another size than was calibrated.
@@ -117,42 +156,45 @@ fn calibrated(cameras: &Cameras, side: Side) -> (u32, u32) {
     (camera.width, camera.height)
 }
 
-/// Decoded frames that wait for their turn.
-struct Queue<F> {
-    waiting: Vec<(Side, Frame)>,
+/// A frame that waits for its turn.
+struct Waiting<F> {
+    side: Side,
+    stamp: Stamp,
+    frame: F,
+}
+
+struct Queue<F, T> {
+    waiting: Vec<Waiting<F>>,
     last: [Option<Stamp>; 2],
     out_of_order: usize,
     pair_within_s: f64,
-    take: F,
+    take: T,
 }
 
-impl<F: FnMut([Option<&Frame>; 2])> Queue<F> {
+impl<F, T: FnMut([Option<&F>; 2])> Queue<F, T> {
     /// Hands over all but the last `keep` frames, whose partners may come with the next batch.
     fn hand_over(&mut self, keep: usize) {
         let kept = self.waiting.split_off(self.waiting.len().saturating_sub(keep));
-        let ready = std::mem::replace(&mut self.waiting, kept);
+        let mut ready = std::mem::replace(&mut self.waiting, kept);
         let (last, before) = (&mut self.last, ready.len());
-        let ready: Vec<(Side, Frame)> = ready
-            .into_iter()
-            .filter(|(side, frame)| {
-                let later = last[*side as usize].is_none_or(|last| frame.stamp > last);
-                if later {
-                    last[*side as usize] = Some(frame.stamp);
-                }
-                later
-            })
-            .collect();
+        ready.retain(|waiting| {
+            let later = last[waiting.side as usize].is_none_or(|last| waiting.stamp > last);
+            if later {
+                last[waiting.side as usize] = Some(waiting.stamp);
+            }
+            later
+        });
         self.out_of_order += before - ready.len();
         let mut rest = ready.as_slice();
-        while let Some(((side, frame), after)) = rest.split_first() {
+        while let Some((first, after)) = rest.split_first() {
             let mut step = [None, None];
-            step[*side as usize] = Some(frame);
+            step[first.side as usize] = Some(&first.frame);
             rest = after;
-            if let Some(((other, partner), after)) = rest.split_first()
-                && other != side
-                && partner.stamp.seconds_since(frame.stamp) <= self.pair_within_s
+            if let Some((partner, after)) = rest.split_first()
+                && partner.side != first.side
+                && partner.stamp.seconds_since(first.stamp) <= self.pair_within_s
             {
-                step[*other as usize] = Some(partner);
+                step[partner.side as usize] = Some(&partner.frame);
                 rest = after;
             }
             (self.take)(step);

@@ -45,11 +45,12 @@ use raven::robot::Robot;
 use raven::{Error, Result, files};
 
 use crate::appearance::{Appearance, Size, number};
+use crate::batches::Counts;
 use crate::html::{Album, Page};
 use crate::marker::Centre;
 use crate::predict::Predictor;
 use crate::report::Report;
-use crate::tracker::{Record, Sighting, Tracker};
+use crate::tracker::{Followed, Record, Sighting, Tracker};
 
 const EXAMPLES: &str = "Examples:
   raven-track sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o tracked.mcap
@@ -163,7 +164,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
     let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
     let bar = cli::progress(frames[0] + frames[1], "tracking");
     let mut album = args.html.as_ref().map(|_| Album::new(marker.colour));
-    let counts = batches::for_each(&args.log, &cameras, pair_within_s, |step| {
+    let counts = batches::for_each_encoded(&args.log, &cameras, pair_within_s, |step| {
         let looked = tracker.step(step);
         if let Some(album) = &mut album {
             album.add(step, &looked);
@@ -171,7 +172,8 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
         bar.inc(step.iter().flatten().count() as u64);
     })?;
     bar.finish_and_clear();
-    let (records, without_motor) = tracker.finish();
+    let Followed { records, without_motor, undecodable } = tracker.finish();
+    let counts = Counts { undecodable: counts.undecodable + undecodable, ..counts };
     let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), &records, args.stamp_jitter);
     let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
     let contents =

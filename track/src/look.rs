@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
-use image::RgbImage;
 use nalgebra::Vector2;
+use raven::Result;
 use raven::camera::Pinhole;
+use raven::log::CameraFrame;
 
 use crate::colour::MarkerColour;
 use crate::lock::Size;
@@ -74,17 +75,21 @@ impl Search {
         Self { camera, marker, side_px: FIRST_REGION_PX, size: Size::default() }
     }
 
-    /// Looks around the expected place. Where a blob reaches over the edge of the region, a region twice as wide is searched.
-    #[must_use]
-    pub fn look(&self, image: &RgbImage, expected: &View) -> Found {
+    /// Looks around the expected place. Where a blob reaches over the edge of the region, a region twice as wide is searched. The frame is
+    /// decoded down to the end of the region.
+    ///
+    /// # Errors
+    /// If the frame cannot be decoded.
+    pub fn look(&self, frame: &CameraFrame, expected: &View) -> Result<Found> {
         let radius_px = self.marker.radius_m * expected.px_per_m;
         let mut side = self.side_px.max(REGION_RADII * radius_px);
         loop {
             let region = Region::around(&expected.pixel, side as u32);
-            let blobs = Blobs::find(image, Some(region), &self.marker.colour);
+            let image = frame.decode_rgb_top(region.end())?;
+            let blobs = Blobs::find(&image, Some(region), &self.marker.colour);
             let candidates: Vec<Candidate> = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, radius_px)).collect();
             if !candidates.is_empty() || side >= self.largest_px() || !blobs.found.iter().any(|blob| blob.cut_off) {
-                return Found { candidates, blobs: blobs.found.len(), region };
+                return Ok(Found { candidates, blobs: blobs.found.len(), region });
             }
             side *= 2.0;
         }

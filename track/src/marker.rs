@@ -49,6 +49,12 @@ impl Region {
         Self { x, y, width, height }
     }
 
+    /// The row below it.
+    #[must_use]
+    pub const fn end(&self) -> u32 {
+        self.y.saturating_add(self.height)
+    }
+
     /// The part that lies in the image; `None` if there is none.
     #[must_use]
     pub fn clipped(self, image: &RgbImage) -> Option<Self> {

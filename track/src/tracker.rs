@@ -4,10 +4,10 @@
 //! tip, up to a difference that changes slowly (see [`crate::lock`]). Frames of the two cameras that are not taken at the same time are
 //! compared after moving the right one by the predicted motion between them; the track itself is free of that.
 
-use image::RgbImage;
 use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector2, Vector3};
+use raven::Result;
 use raven::camera::Cameras;
-use raven::log::{Side, Stamp};
+use raven::log::{CameraFrame, Side, Stamp};
 
 use crate::lock::Lock;
 use crate::look::{Candidate, Found, Marker, Search};
@@ -21,15 +21,6 @@ pub const CALIBRATION_STD_PX: f64 = 0.5;
 pub const EPIPOLAR_CHI2: f64 = 15.1;
 /// Standard deviation of a candidate's area, logarithmic: mask edges, light, motion blur.
 const AREA_STD: f64 = 0.3;
-
-/// A decoded frame.
-#[derive(Debug, Clone)]
-pub struct Frame {
-    /// When it was taken.
-    pub stamp: Stamp,
-    /// Its pixels.
-    pub image: RgbImage,
-}
 
 /// What became of the marker in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,8 +60,18 @@ pub struct Tracker<'a> {
     predictor: &'a Predictor<'a>,
     search: [Search; 2],
     lock: Lock,
-    records: [Vec<Record>; 2],
-    without_motor: usize,
+    followed: Followed,
+}
+
+/// What a tracker has seen.
+#[derive(Debug, Clone, Default)]
+pub struct Followed {
+    /// What was seen, left and right.
+    pub records: [Vec<Record>; 2],
+    /// Frames at whose time the log has no motor angles.
+    pub without_motor: usize,
+    /// Frames that could not be decoded; they have no record.
+    pub undecodable: usize,
 }
 
 /// What one frame shows.
@@ -95,41 +96,48 @@ impl<'a> Tracker<'a> {
     #[must_use]
     pub fn new(cameras: &'a Cameras, base_from_left: Isometry3<f64>, predictor: &'a Predictor<'a>, marker: Marker) -> Self {
         let search = [cameras.left, cameras.right].map(|camera| Search::new(camera, marker));
-        let records = [Vec::new(), Vec::new()];
-        Self { cameras, base_from_left, predictor, search, lock: Lock::default(), records, without_motor: 0 }
+        Self { cameras, base_from_left, predictor, search, lock: Lock::default(), followed: Followed::default() }
     }
 
-    /// Takes the next frame of one camera, or of both if they belong together, left first. Says what it made of each.
-    pub fn step(&mut self, frames: [Option<&Frame>; 2]) -> [Option<Looked>; 2] {
+    /// Takes the next frame of one camera, or of both if they belong together, left first. Says what it made of each; nothing of one that
+    /// cannot be decoded.
+    pub fn step(&mut self, frames: [Option<&CameraFrame>; 2]) -> [Option<Looked>; 2] {
         let this = &*self;
         let look = |side: Side| frames[side as usize].map(|frame| this.look(side, frame));
         let (left, right) = rayon::join(|| look(Side::Left), || look(Side::Right));
-        let looks = [left.flatten(), right.flatten()];
+        let seen = [left, right].map(|look| look.and_then(Result::ok));
+        let decoded = [0, 1].map(|k| frames[k].filter(|_| seen[k].is_some()));
+        self.followed.undecodable += frames.iter().flatten().count() - decoded.iter().flatten().count();
+        let looks = seen.map(Option::flatten);
         let decided = self.decide(&looks);
         [0, 1].map(|k| {
-            let (frame, (sighting, reason)) = (frames[k]?, decided[k]);
+            let (frame, (sighting, reason)) = (decoded[k]?, decided[k]);
             match sighting {
                 Sighting::Seen(candidate) => self.search[k].seen(candidate.share),
                 Sighting::Hidden if looks[k].is_some() => self.search[k].lost(),
-                Sighting::Hidden => self.without_motor += 1,
+                Sighting::Hidden => self.followed.without_motor += 1,
                 Sighting::Rejected(_) => {}
             }
-            self.records[k].push(Record { stamp: frame.stamp, sighting });
+            self.followed.records[k].push(Record { stamp: frame.stamp, sighting });
             Some(Looked { sighting, reason, searched: looks[k].as_ref().map(|look| (look.expected.pixel, look.found.region)) })
         })
     }
 
-    /// What was seen, left and right, and the number of frames at whose time the log has no motor angles.
+    /// What was seen so far.
     #[must_use]
-    pub fn finish(self) -> ([Vec<Record>; 2], usize) {
-        (self.records, self.without_motor)
+    pub fn finish(self) -> Followed {
+        self.followed
     }
 
-    fn look(&self, side: Side, frame: &Frame) -> Option<Look> {
-        let tip = self.predictor.tip(frame.stamp)?;
-        let expected = view(self.cameras, side, &(tip + self.lock.offset_m()))?;
-        let found = self.search[side as usize].look(&frame.image, &expected);
-        Some(Look { stamp: frame.stamp, tip, expected, found })
+    /// `None` where the marker cannot be expected anywhere.
+    fn look(&self, side: Side, frame: &CameraFrame) -> Result<Option<Look>> {
+        let expect = || {
+            let tip = self.predictor.tip(frame.stamp)?;
+            Some((tip, view(self.cameras, side, &(tip + self.lock.offset_m()))?))
+        };
+        let Some((tip, expected)) = expect() else { return Ok(None) };
+        let found = self.search[side as usize].look(frame, &expected)?;
+        Ok(Some(Look { stamp: frame.stamp, tip, expected, found }))
     }
 
     fn decide(&mut self, looks: &[Option<Look>; 2]) -> [(Sighting, Reason); 2] {

@@ -2,9 +2,11 @@
 //!
 //! Luma is that of ITU-R BT.601, `Y = 0.299 R + 0.587 G + 0.114 B`, which JPEG and YUYV cameras use themselves.
 
+use std::io::Cursor;
+
 use image::{GrayImage, ImageReader, RgbImage};
 
-use super::{CameraFrame, FrameData};
+use super::{CameraFrame, FrameData, jpeg};
 use crate::{Error, Result};
 
 /// Larger images are damage, not data.
@@ -58,9 +60,20 @@ impl CameraFrame {
     /// # Errors
     /// A sentence, if the JPEG is broken or the layout is unknown or too short for its size.
     pub fn decode_rgb(&self) -> Result<RgbImage> {
+        self.decode_rgb_top(u32::MAX)
+    }
+
+    /// The frame's upper `rows` rows in colour, and more of them where that costs nothing.
+    ///
+    /// # Errors
+    /// Those of [`CameraFrame::decode_rgb`].
+    pub fn decode_rgb_top(&self, rows: u32) -> Result<RgbImage> {
         let raster = match &self.data {
-            FrameData::Jpeg(bytes) => return Ok(self.decode_file(bytes)?.into_rgb8()),
-            FrameData::Raw { .. } => self.raster()?,
+            FrameData::Jpeg(bytes) => {
+                let top = jpeg::top(bytes, rows);
+                return Ok(self.decode_file(top.as_ref().unwrap_or(bytes))?.into_rgb8());
+            }
+            FrameData::Raw { .. } => self.raster()?.top(rows),
         };
         let (width, height) = (raster.width, raster.height);
         let pixels = raster.collect(3 * width as usize, |layout, row, out| match layout {
@@ -102,24 +115,44 @@ impl CameraFrame {
         GrayImage::from_raw(width, height, pixels).ok_or_else(|| self.bad("its rows are incomplete"))
     }
 
+    /// Width and height [px] as the frame says, whether or not its pixels can be decoded.
+    ///
+    /// # Errors
+    /// A sentence, if it says nothing.
+    pub fn size(&self) -> Result<(u32, u32)> {
+        match &self.data {
+            FrameData::Jpeg(bytes) => {
+                jpeg::size(bytes).map_or_else(|| self.reader(bytes)?.into_dimensions().map_err(|e| self.undecodable(&e)), Ok)
+            }
+            FrameData::Raw { width, height, .. } => Ok((*width, *height)),
+        }
+    }
+
     /// Whether a JPEG lacks its end marker: the camera or the cable cut it off. Zeros after the marker are padding.
     #[must_use]
     pub fn is_truncated(&self) -> bool {
         match &self.data {
-            FrameData::Jpeg(bytes) => is_truncated_jpeg(bytes),
+            FrameData::Jpeg(bytes) => jpeg::is_truncated_jpeg(bytes),
             FrameData::Raw { step, height, data, .. } => (data.len() as u64) < u64::from(*step) * u64::from(*height),
         }
     }
 
     fn decode_file(&self, bytes: &[u8]) -> Result<image::DynamicImage> {
-        let mut reader = ImageReader::new(std::io::Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(|e| self.bad(&format!("its bytes cannot be read ({e})")))?;
+        self.reader(bytes)?.decode().map_err(|e| self.undecodable(&e))
+    }
+
+    fn reader<'b>(&self, bytes: &'b [u8]) -> Result<ImageReader<Cursor<&'b [u8]>>> {
+        let mut reader =
+            ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| self.bad(&format!("its bytes cannot be read ({e})")))?;
         let mut limits = image::Limits::default();
         limits.max_image_width = Some(LARGEST_SIDE);
         limits.max_image_height = Some(LARGEST_SIDE);
         reader.limits(limits);
-        reader.decode().map_err(|e| self.bad(&format!("it cannot be decoded ({e})")))
+        Ok(reader)
+    }
+
+    fn undecodable(&self, error: &image::ImageError) -> Error {
+        self.bad(&format!("it cannot be decoded ({error})"))
     }
 
     fn raster(&self) -> Result<Raster<'_>> {
@@ -148,6 +181,10 @@ impl CameraFrame {
 }
 
 impl Raster<'_> {
+    fn top(self, rows: u32) -> Self {
+        Self { height: self.height.min(rows.max(1)), ..self }
+    }
+
     fn collect(self, row_size: usize, convert: impl Fn(Layout, &[u8], &mut Vec<u8>)) -> Vec<u8> {
         let mut pixels = Vec::with_capacity(row_size * self.height as usize);
         for row in self.rows.take(self.height as usize) {
@@ -155,14 +192,6 @@ impl Raster<'_> {
         }
         pixels
     }
-}
-
-/// Whether the last bytes of a JPEG, zeros aside, are not its end marker.
-#[must_use]
-pub fn is_truncated_jpeg(bytes: &[u8]) -> bool {
-    let is_jpeg = bytes.starts_with(&[0xff, 0xd8]);
-    let end = bytes.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
-    is_jpeg && !bytes.get(..end).is_some_and(|whole| whole.ends_with(&[0xff, 0xd9]))
 }
 
 /// Luma after BT.601, in 16-bit fixed point, rounded.
@@ -221,14 +250,6 @@ mod tests {
                 assert!(have.abs_diff(*want) <= 2, "{yuv:?}: {have} for {want}");
             }
         }
-    }
-
-    #[test]
-    fn end_markers() {
-        assert!(!is_truncated_jpeg(&[0xff, 0xd8, 1, 2, 0xff, 0xd9]));
-        assert!(!is_truncated_jpeg(&[0xff, 0xd8, 1, 2, 0xff, 0xd9, 0, 0]));
-        assert!(is_truncated_jpeg(&[0xff, 0xd8, 1, 2, 0xff]));
-        assert!(is_truncated_jpeg(&[0xff, 0xd8, 0, 0]));
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! What a page about a run needs of the frames while they pass: why each was seen or not, and pictures of a few.
 
-use raven::log::{Side, Stamp};
+use raven::log::{CameraFrame, Side, Stamp};
 
 use super::sample::{Largest, Spread};
 use super::tile::Tile;
 use crate::colour::MarkerColour;
 use crate::reason::Reason;
-use crate::tracker::{Frame, Looked, Sighting};
+use crate::tracker::{Looked, Sighting};
 
 /// Pictures of each camera evenly over time, and of each kind that is worth a look.
 const EVENLY: usize = 24;
@@ -46,7 +46,7 @@ impl Album {
     }
 
     /// Takes what a step of the tracker made of the frames it was given.
-    pub fn add(&mut self, frames: [Option<&Frame>; 2], looked: &[Option<Looked>; 2]) {
+    pub fn add(&mut self, frames: [Option<&CameraFrame>; 2], looked: &[Option<Looked>; 2]) {
         let Some(first) = frames.iter().flatten().map(|frame| frame.stamp).min() else { return };
         let start = *self.start.get_or_insert(first);
         for side in Side::BOTH {
@@ -71,7 +71,7 @@ impl Album {
 }
 
 impl OfCamera {
-    fn add(&mut self, frame: &Frame, time_s: f64, looked: &Looked, colour: &MarkerColour) {
+    fn add(&mut self, frame: &CameraFrame, time_s: f64, looked: &Looked, colour: &MarkerColour) {
         self.reasons.push((time_s, looked.reason));
         let tile = || Tile::cut(frame, time_s, looked, colour);
         if looked.searched.is_none() {
@@ -111,13 +111,14 @@ mod tests {
     use nalgebra::Vector2;
 
     use super::*;
+    use crate::html::as_frame;
     use crate::look::Candidate;
     use crate::marker::Region;
 
     #[test]
     fn the_worst_and_an_even_choice_are_kept_of_a_long_recording() {
         let mut album = Album::new(MarkerColour::default());
-        let mut frame = Frame { stamp: Stamp::from_ros(100, 0), image: RgbImage::new(64, 48) };
+        let mut frame = as_frame(RgbImage::new(64, 48));
         for i in 0..2000_u32 {
             frame.stamp = Stamp::from_ros(100, 0).plus_seconds(f64::from(i) / 10.0);
             let centre = Vector2::new(30.0 + f64::from(i % 7), 20.0);

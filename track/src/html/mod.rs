@@ -161,3 +161,12 @@ fn sheets(side: Side, camera: OfCamera) -> String {
     }
     if content.is_empty() { "<p class=\"aside\">None of its frames was searched.</p>".to_owned() } else { content }
 }
+
+/// A raw frame of an image.
+#[cfg(test)]
+fn as_frame(image: image::RgbImage) -> raven::log::CameraFrame {
+    use raven::log::{CameraFrame, FrameData, Side, Stamp};
+    let (width, height) = image.dimensions();
+    let data = FrameData::Raw { encoding: "rgb8".to_owned(), width, height, step: 3 * width, data: image.into_raw() };
+    CameraFrame { side: Side::Left, stamp: Stamp(0), log_time: Stamp(0), frame_id: String::new(), sequence: None, data }
+}

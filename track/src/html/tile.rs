@@ -2,13 +2,14 @@
 
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, RgbImage, imageops};
+use raven::log::CameraFrame;
 use raven::plot::page::png_uri;
 use raven::plot::svg::{frame, line, rectangle};
 
 use crate::colour::MarkerColour;
 use crate::marker::Region;
 use crate::outline::outlines;
-use crate::tracker::{Frame, Looked, Sighting};
+use crate::tracker::{Looked, Sighting};
 
 /// Most pixels of a tile either way: larger regions, as after a long time without sight, are shown smaller.
 const SIDE: u32 = 200;
@@ -36,17 +37,18 @@ pub struct Tile {
 impl Tile {
     /// The region of a frame that was searched; `None` if it lies outside the image or the frame was not searched.
     #[must_use]
-    pub fn cut(frame: &Frame, time_s: f64, looked: &Looked, colour: &MarkerColour) -> Option<Self> {
+    pub fn cut(frame: &CameraFrame, time_s: f64, looked: &Looked, colour: &MarkerColour) -> Option<Self> {
         let (expected, region) = looked.searched?;
-        let region = region.clipped(&frame.image)?;
-        let part = imageops::crop_imm(&frame.image, region.x, region.y, region.width, region.height);
+        let image = frame.decode_rgb_top(region.end()).ok()?;
+        let region = region.clipped(&image)?;
+        let part = imageops::crop_imm(&image, region.x, region.y, region.width, region.height);
         let smaller = region.width.max(region.height).div_ceil(SIDE);
         let picture = match smaller {
             0 | 1 => part.to_image(),
             by => imageops::thumbnail(&*part, (region.width / by).max(1), (region.height / by).max(1)),
         };
         let mut left = PIXELS;
-        let mut all = outlines(&colour.mask(&frame.image, region).clean());
+        let mut all = outlines(&colour.mask(&image, region).clean());
         all.sort_by_key(|outline| std::cmp::Reverse(outline.len()));
         let shown = all.into_iter().take(OUTLINES).take_while(|outline| {
             let fits = outline.len() <= left;
@@ -128,16 +130,16 @@ fn png(image: &RgbImage) -> Vec<u8> {
 mod tests {
     use image::Rgb;
     use nalgebra::Vector2;
-    use raven::log::Stamp;
 
     use super::*;
+    use crate::html::as_frame;
     use crate::look::Candidate;
     use crate::reason::Reason;
 
-    fn disc(width: u32, height: u32, centre: Vector2<f64>) -> Frame {
+    fn disc(width: u32, height: u32, centre: Vector2<f64>) -> CameraFrame {
         let inside = |x: u32, y: u32| (Vector2::new(f64::from(x), f64::from(y)) - centre).norm() < 8.0;
         let image = RgbImage::from_fn(width, height, |x, y| if inside(x, y) { Rgb([30, 180, 40]) } else { Rgb([120; 3]) });
-        Frame { stamp: Stamp(0), image }
+        as_frame(image)
     }
 
     fn looked(centre: Vector2<f64>, side_px: u32) -> Looked {
