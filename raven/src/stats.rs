@@ -11,14 +11,14 @@ pub fn rms(values: &[f64]) -> Option<f64> {
 /// Median of finite values; `None` of nothing.
 #[must_use]
 pub fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.len() {
-        0 => None,
-        n if n % 2 == 1 => Some(sorted[middle]),
-        _ => Some(0.5 * (sorted[middle - 1] + sorted[middle])),
+    let mut finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let middle = finite.len() / 2;
+    let is_odd = finite.len() % 2 == 1;
+    if finite.is_empty() {
+        return None;
     }
+    let (below, &mut above, _) = finite.select_nth_unstable_by(middle, f64::total_cmp);
+    if is_odd { Some(above) } else { below.iter().copied().reduce(f64::max).map(|below| 0.5 * (below + above)) }
 }
 
 /// Standard deviation of a normal distribution by the median size of deviations from its middle, which outliers hardly move (Hampel 1974);

@@ -50,9 +50,11 @@ const HUBER: f64 = 1.5;
 /// their size. All cameras that see the ball from one side err alike.
 pub const RESPONSE_STD_PX: f64 = 0.07;
 const ITERATIONS: usize = 15;
-/// Steps smaller than this end a fit [px]: one that only gives weights, and one that gives the centre.
+/// Steps smaller than this end a fit that only gives weights [px].
 const ROUGH_PX: f64 = 0.02;
+/// Steps that end one that gives the centre: smaller than this [px], or than this part of its standard deviation.
 const FINE_PX: f64 = 2e-3;
+const FINE: f64 = 0.1;
 
 pub(crate) type Vector = SVector<f64, SIZE>;
 pub(crate) type Matrix = SMatrix<f64, SIZE, SIZE>;
@@ -122,10 +124,10 @@ pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, again: usize) 
     // The first only gives weights and a place to go on from: every other pixel, as on a chessboard, tells enough.
     let mut weights = Weights::default();
     let mut weighed = patch.chessboard();
-    let mut fitted = start.settle(&weighed, &weights, None, ROUGH_PX)?;
+    let mut fitted = start.settle(&weighed, &weights, None)?;
     for _ in 0..again {
         let (patch, refined) = refined(patch, &fitted);
-        if let Some(better) = start.settle(&patch, &refined, Some(fitted.x), FINE_PX) {
+        if let Some(better) = start.settle(&patch, &refined, Some(fitted.x)) {
             (fitted, weighed, weights) = (better, patch, refined);
         }
     }
@@ -141,7 +143,8 @@ struct Start {
 }
 
 impl Start {
-    fn settle(&self, patch: &Patch, weights: &Weights, from: Option<Vector>, smallest_px: f64) -> Option<Settled> {
+    /// From where another fit has settled, or roughly from the start.
+    fn settle(&self, patch: &Patch, weights: &Weights, from: Option<Vector>) -> Option<Settled> {
         let mut prior = Vector::zeros();
         prior.fixed_rows_mut::<3>(0).copy_from_slice(&[self.centre_px.x, self.centre_px.y, self.radius_px]);
         prior.fixed_rows_mut::<2>(BLUR).copy_from_slice(&BLUR_PX);
@@ -154,7 +157,7 @@ impl Start {
         let mut x = from.unwrap_or(prior);
         for _ in 0..ITERATIONS {
             let normal = dispatch!(*LEVEL, simd => normal_of(simd, &x, patch, weights));
-            let (step, covariance) = normal.solve(&stiffness, &(prior - x))?;
+            let (step, factors) = normal.solve(&stiffness, &(prior - x))?;
             let largest = step.fixed_rows::<3>(0).amax();
             x += step * (2.0 / largest).min(1.0);
             for blur in x.fixed_rows_mut::<2>(BLUR).iter_mut() {
@@ -164,9 +167,13 @@ impl Start {
             if !(moved < 0.5 * self.radius_px + 1.0 && (0.6..1.6).contains(&(x[2] / self.radius_px))) {
                 return None;
             }
-            if largest < smallest_px {
-                let determined = SIZE as f64 - stiffness.dot(&covariance.diagonal());
-                return Some(Settled { x, covariance, determined });
+            if largest < ROUGH_PX {
+                let covariance = factors.inverse();
+                let std_px = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
+                if from.is_none() || largest < FINE_PX.max(FINE * std_px) {
+                    let determined = SIZE as f64 - stiffness.dot(&covariance.diagonal());
+                    return Some(Settled { x, covariance, determined });
+                }
             }
         }
         None

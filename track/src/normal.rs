@@ -3,6 +3,7 @@
 
 use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
+use nalgebra::{Cholesky, Const};
 
 use crate::centre::{Matrix, SIZE, Vector};
 use crate::model::Told;
@@ -46,10 +47,10 @@ impl<S: Simd> Sums<S> {
 }
 
 impl Normal {
-    /// The step and the covariance, where a prior of this stiffness is so far away.
-    pub(crate) fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Matrix)> {
-        let covariance = (self.matrix + Matrix::from_diagonal(stiffness)).cholesky()?.inverse();
-        let step = covariance * (self.vector + stiffness.component_mul(to_prior));
-        step.iter().all(|v| v.is_finite()).then_some((step, covariance))
+    /// The step, where a prior of this stiffness is so far away, and the factors of the matrix, whose inverse is the covariance.
+    pub(crate) fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Cholesky<f64, Const<SIZE>>)> {
+        let factors = (self.matrix + Matrix::from_diagonal(stiffness)).cholesky()?;
+        let step = factors.solve(&(self.vector + stiffness.component_mul(to_prior)));
+        step.iter().all(|v| v.is_finite()).then_some((step, factors))
     }
 }

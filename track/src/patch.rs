@@ -164,7 +164,7 @@ impl Patch {
                 Kind::Edge => (WINDOW_PX..2 * reach).find_map(|half| plane.background(column, row, half))?,
                 Kind::Outside | Kind::Far => continue,
             };
-            squares[(column + row) as usize % 2].push(Pixel { column, row, colour: plane.colour[i], background, texture });
+            squares[((x + y) as i32 + column + row) as usize % 2].push(Pixel { column, row, colour: plane.colour[i], background, texture });
         }
         let [mut blocks, black] = squares.map(|pixels| Block::of(pixels.into_iter()));
         let white = blocks.len();
