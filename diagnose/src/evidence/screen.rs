@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
-use raven::effects::{Parameter, Scale};
+use raven::effects::{Channel, Parameter, Scale};
 use rayon::prelude::*;
 
 use super::fit::{Column, Fitter, Hypothesis, gram};
@@ -101,9 +101,7 @@ impl Fitter<'_> {
             let here = if links == Links::Settled { &point.settled } else { &base.residuals };
             let (tip, torque) = there.split_at_mut(self.rows.tip_rows());
             let (tip_here, torque_here) = here.split_at(self.rows.tip_rows());
-            for (channel, there, here) in
-                [(raven::effects::Channel::Tip, tip, tip_here), (raven::effects::Channel::Torque, torque, torque_here)]
-            {
+            for (channel, there, here) in [(Channel::Tip, tip, tip_here), (Channel::Torque, torque, torque_here)] {
                 let shows = channels.contains(&channel);
                 there.iter_mut().zip(here).for_each(|(there, here)| *there = if shows { *there - here } else { 0.0 });
             }
@@ -180,6 +178,9 @@ impl Fitter<'_> {
         let alone = parameters.len() == 1;
         let shaped = parameters.iter().any(|p| !p.scale.is_size());
         let counted = parameters.iter().any(|p| matches!(p.scale, Scale::Whole { .. }));
+        // A limit has no slope where nothing reaches it, and far too much where everything does.
+        let fine: Vec<f64> = (-10..=8).map(|k| 0.25 * f64::from(k)).collect();
+        let is_cheap = self.coordinates.sited[effect].effect.channels == [Channel::Torque];
         let mut starts: Vec<Vec<f64>> = vec![Vec::new()];
         for (parameter, c) in parameters.iter().zip(self.coordinates.of(effect)) {
             let whole = parameter.scale.whole();
@@ -196,6 +197,7 @@ impl Fitter<'_> {
                 Scale::Offset(_) => &base[c..=c],
                 Scale::Magnitude(_) if shaped => &[0.5, 1.5],
                 Scale::Magnitude(_) => &[0.15, 0.5, 1.5],
+                Scale::Shape { .. } if alone && is_cheap => &fine,
                 Scale::Shape { .. } if alone => &[-2.5, -1.5, -0.5, 0.5, 1.5],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
                 Scale::State(_) => &[0.0, 1.0],

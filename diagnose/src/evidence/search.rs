@@ -183,7 +183,13 @@ impl Fitter<'_> {
             if round == 1 && !Leftover::of(&outcome.none.residuals, self.rows.tip_rows()).remains() {
                 best = self.beside_none(outcome, best)?;
             }
-            self.fitted_as(outcome, &best)?;
+            if let Some(again) = self.fitted_as(&outcome.best, &best)? {
+                outcome.keep(&again);
+                if again.effects.is_empty() {
+                    outcome.none = again.clone();
+                }
+                outcome.best = again;
+            }
             each();
             // What is lost in scatter will not be named, whatever stands in for the others.
             if round > 1 && self.better(outcome, &best, &outcome.best) && self.are_beyond_scatter(&best) {
@@ -211,23 +217,16 @@ impl Fitter<'_> {
         Ok(other.filter(|other| other.evidence > best.evidence).unwrap_or(best))
     }
 
-    /// Fits the best hypothesis once more from where a hardly better one came to. Joints that stick here or there make the misfit jagged, and
-    /// of two fits that end a hair apart one may be ten nats higher: no evidence for an effect.
-    fn fitted_as(&self, outcome: &mut Outcome, better: &Hypothesis) -> Result<()> {
-        if better.evidence > outcome.best.evidence + WITHIN_NATS {
-            return Ok(());
+    /// A hypothesis fitted once more from where a hardly better one came to, if that gives a better fit. Joints that stick here or there make the
+    /// misfit jagged, and of two fits that end a hair apart one may be ten nats higher: no evidence for an effect.
+    fn fitted_as(&self, hypothesis: &Hypothesis, better: &Hypothesis) -> Result<Option<Hypothesis>> {
+        if better.evidence > hypothesis.evidence + WITHIN_NATS {
+            return Ok(None);
         }
-        let mut start = outcome.best.u.clone();
-        outcome.best.free.iter().for_each(|&c| start[c] = better.u[c]);
-        let again = self.fit(&outcome.best.effects, &start, Some(better))?;
-        if let Some(again) = again.filter(|again| again.evidence > outcome.best.evidence) {
-            if again.effects.is_empty() {
-                outcome.none = again.clone();
-            }
-            outcome.keep(&again);
-            outcome.best = again;
-        }
-        Ok(())
+        let mut start = hypothesis.u.clone();
+        hypothesis.free.iter().for_each(|&c| start[c] = better.u[c]);
+        let again = self.fit(&hypothesis.effects, &start, Some(better))?;
+        Ok(again.filter(|again| again.evidence > hypothesis.evidence))
     }
 
     /// The nominal model with its slopes, nothing fitted.
@@ -392,7 +391,10 @@ impl Fitter<'_> {
                     Some((known, _)) => Some(known.clone()),
                     None => self.fit(&effects, &self.without(left_out, &best.u), Some(&best))?,
                 };
-                let Some(rest) = rest else { continue };
+                let Some(mut rest) = rest else { continue };
+                if let Some(again) = self.fitted_as(&rest, &best)? {
+                    rest = again;
+                }
                 outcome.keep(&rest);
                 let screened = match outcome.screens.get(&rest.effects) {
                     Some(whole) => whole.clone(),
