@@ -29,6 +29,8 @@ const STRAIN_NATS: f64 = 6.0;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 const WITHIN_NATS: f64 = 25.0;
 const REFITTED: [usize; 2] = [2, 8];
+/// So many are refitted at a time, before the next are held against them: on every machine, or verdicts would depend on its processors.
+const AT_ONCE: usize = 2;
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
 /// Chance that any effect of the library counts as beyond its scatter where there is none.
@@ -340,7 +342,7 @@ impl Fitter<'_> {
         let mut fitted: Vec<Hypothesis> = Vec::new();
         let mut tried = 0;
         // The screen can promise too much: what counts is how far a promise is behind the best that was kept.
-        for batch in candidates[..most.min(candidates.len())].chunks(rayon::current_num_threads()) {
+        for batch in candidates[..most.min(candidates.len())].chunks(AT_ONCE) {
             let reached = fitted.iter().map(|h| h.evidence).fold(f64::NEG_INFINITY, f64::max);
             let near =
                 batch.iter().take_while(|c| c.evidence > reached - WITHIN_NATS).count().max(least.saturating_sub(tried).min(batch.len()));
