@@ -219,10 +219,18 @@ impl Fitter<'_> {
         Ok(other.filter(|other| other.evidence > best.evidence).unwrap_or(best))
     }
 
-    /// A hypothesis fitted once more from where a hardly better one came to, if that gives a better fit. Joints that stick here or there make the
-    /// misfit jagged, and of two fits that end a hair apart one may be ten nats higher: no evidence for an effect.
+    /// A hypothesis fitted once more from where a better one came to, if that gives a better fit.
+    ///
+    /// Joints that stick here or there make the misfit jagged: of two fits that end a hair apart one may be ten nats higher, and one may stop on
+    /// its way. That is no evidence for an effect. Where the other's effects are numbers of the nominal model, this one can be there too, at the
+    /// price of their strain, and is lost if it is farther behind; where they are not, it may be if it is hardly behind.
     fn fitted_as(&self, hypothesis: &Hypothesis, better: &Hypothesis) -> Result<Option<Hypothesis>> {
-        if better.evidence > hypothesis.evidence + WITHIN_NATS {
+        let behind = better.evidence - hypothesis.evidence;
+        let strain = |c: usize, h: &Hypothesis| self.prior(c, &h.effects).map_or(0.0, |t| 0.5 * (better.u[c] / t).powi(2));
+        let price: f64 = hypothesis.free.iter().map(|&c| strain(c, hypothesis) - strain(c, better)).sum();
+        let is_within_reach = better.free.iter().all(|c| hypothesis.free.contains(c));
+        let may_be_lost = if is_within_reach { behind > price } else { behind < WITHIN_NATS };
+        if !may_be_lost {
             return Ok(None);
         }
         let mut start = hypothesis.u.clone();
