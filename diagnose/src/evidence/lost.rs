@@ -8,7 +8,7 @@
 use raven::Result;
 use rayon::prelude::*;
 
-use super::fit::{Fitter, Following, Hypothesis, STRAINED};
+use super::fit::{Fitter, Following, Hypothesis};
 use super::leftover::{ACCOUNTED, Leftover};
 use super::search::Outcome;
 
@@ -29,15 +29,10 @@ impl Fitter<'_> {
             return self.at_several_sizes(outcome, nominal);
         }
         let mut other = self.closely(outcome, &[outcome.best.clone(), outcome.none.clone()])?;
-        if let Some((none, _)) = outcome.fitted.get(&Vec::new()) {
-            outcome.none = none.clone();
-        }
         // What strains the nominal model may be an effect.
         let none = &outcome.none;
-        let strained = none.free.iter().filter(|&&c| self.followed(self.coordinates.all[c].effect).is_some());
-        let most = strained.map(|&c| (c, self.strain(c, &none.u))).max_by(|a, b| a.1.total_cmp(&b.1));
-        if let Some((c, _)) = most.filter(|(_, strain)| *strain > STRAINED) {
-            let freed = Hypothesis { effects: vec![self.coordinates.all[c].effect], ..none.clone() };
+        if let Some(effect) = self.strained(none).into_iter().find(|&effect| self.followed(effect).is_some()) {
+            let freed = Hypothesis { effects: vec![effect], ..none.clone() };
             other |= self.closely(outcome, &[freed])?;
         }
         Ok(other)

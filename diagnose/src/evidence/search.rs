@@ -12,7 +12,7 @@ use raven::stats::normal_quantile;
 use rayon::prelude::*;
 
 use super::coordinates::ABSENT;
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Hypothesis, STRAINED};
 use super::leftover::Leftover;
 use super::paired;
 use super::prior;
@@ -74,6 +74,9 @@ impl Outcome {
     pub(super) fn keep(&mut self, hypothesis: &Hypothesis) {
         let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |(h, _)| h.evidence);
         if hypothesis.evidence > known {
+            if hypothesis.effects.is_empty() {
+                self.none = hypothesis.clone();
+            }
             self.fitted.insert(hypothesis.effects.clone(), (hypothesis.clone(), hypothesis.evidence));
         }
     }
@@ -182,15 +185,15 @@ impl Fitter<'_> {
             let least = if round == 1 { REFITTED[0] } else { 0 };
             let count = [least, candidates.iter().filter(hopeful).count().clamp(least, REFITTED[1])];
             let Some(mut best) = self.refitted(outcome, candidates, &count, &point)? else { break };
-            if round == 1 && !Leftover::of(&outcome.none.residuals, self.rows.tip_rows()).remains() {
-                best = self.beside_none(outcome, best)?;
-            }
             if let Some(again) = self.fitted_as(&outcome.best, &best)? {
                 outcome.keep(&again);
-                if again.effects.is_empty() {
-                    outcome.none = again.clone();
-                }
                 outcome.best = again;
+            }
+            if round == 1 {
+                best = self.freed(outcome, best)?;
+                if !Leftover::of(&outcome.none.residuals, self.rows.tip_rows()).remains() {
+                    best = self.beside_none(outcome, best)?;
+                }
             }
             each();
             // What is lost in scatter will not be named, whatever stands in for the others.
@@ -207,6 +210,28 @@ impl Fitter<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The better of `best` and of effects that the fitted nominal model has as strained numbers.
+    fn freed(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
+        let none = outcome.none.clone();
+        let mut strained = self.strained(&none);
+        strained.retain(|&effect| !outcome.fitted.contains_key(&vec![effect]));
+        strained.truncate(REPLACEMENTS[1]);
+        let fitted: Result<Vec<Option<Hypothesis>>> =
+            strained.par_iter().map(|&effect| self.fit(&[effect], &none.u, Some(&none))).collect();
+        let fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().collect();
+        fitted.iter().for_each(|hypothesis| outcome.keep(hypothesis));
+        Ok(fitted.into_iter().chain([best]).max_by(|a, b| a.evidence.total_cmp(&b.evidence)).unwrap_or(none))
+    }
+
+    /// Effects whose numbers strain the tolerances of the nominal model in a hypothesis without them, most strained first.
+    pub(super) fn strained(&self, hypothesis: &Hypothesis) -> Vec<usize> {
+        let strain = |effect: usize| self.coordinates.of(effect).map(|c| self.strain(c, &hypothesis.u)).fold(0.0, f64::max);
+        let others = (0..self.coordinates.sited.len()).filter(|effect| !hypothesis.effects.contains(effect));
+        let mut strained: Vec<(usize, f64)> = others.map(|effect| (effect, strain(effect))).filter(|(_, s)| *s > STRAINED).collect();
+        strained.sort_by(|a, b| b.1.total_cmp(&a.1));
+        strained.into_iter().map(|(effect, _)| effect).collect()
     }
 
     /// The better of `best` and of what is found from the fitted nominal model: where that leaves little, an effect is small, and slopes there
