@@ -14,3 +14,6 @@ pub mod rows;
 pub mod screen;
 pub mod search;
 pub mod told;
+
+#[cfg(test)]
+mod tests;

@@ -29,10 +29,10 @@ const STRAIN_NATS: f64 = 6.0;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 const WITHIN_NATS: f64 = 25.0;
 const REFITTED: [usize; 2] = [2, 8];
-/// So many are refitted at a time, before the next are held against them: on every machine, or verdicts would depend on its processors.
-const AT_ONCE: usize = 2;
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
+/// So many of either are fitted at a time, before the next are held against them: on every machine, or verdicts would depend on its processors.
+const AT_ONCE: usize = 2;
 /// Chance that any effect of the library counts as beyond its scatter where there is none.
 const FALSE_CHANCE: f64 = 0.05;
 /// A candidate is worth a fit if the screen does not see it this far behind what has to be beaten [nat]: the screen errs on either side.
