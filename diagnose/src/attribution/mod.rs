@@ -306,12 +306,11 @@ fn blamed(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) 
         }
     };
     let evidence = |effects: &[usize]| outcome.fitted.get(effects).map_or(f64::NEG_INFINITY, |(_, evidence)| *evidence);
-    let without: Vec<usize> = best.effects.iter().copied().filter(|&e| e != effect).collect();
     Blamed {
         id: sited.effect.id,
         joint: sited.joint(fitter.rows.robot()),
         probability: 0.0,
-        evidence_nats: evidence(&best.effects) - evidence(&without),
+        evidence_nats: evidence(&best.effects) - evidence(&best.all_but(effect)),
         parameters: coordinates.of(effect).map(estimate).collect(),
         ties: Vec::new(),
     }

@@ -71,6 +71,12 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
+    /// Its effects but one.
+    #[must_use]
+    pub fn all_but(&self, left_out: usize) -> Vec<usize> {
+        self.effects.iter().copied().filter(|&effect| effect != left_out).collect()
+    }
+
     /// Deviation of a coordinate; 0 if it is not free.
     #[must_use]
     pub fn std(&self, c: usize) -> f64 {

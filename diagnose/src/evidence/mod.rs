@@ -14,6 +14,7 @@ pub mod rows;
 pub mod screen;
 pub mod search;
 pub mod told;
+mod weighing;
 
 #[cfg(test)]
 mod tests;

@@ -8,8 +8,8 @@ use super::coordinates::Coordinates;
 use super::fit::Fitter;
 use super::rows::{Links, Observed, Setting};
 
-/// Tips that see one coupling, and nothing else that could be off. Where the elbow sticks, by settled links' leave unnoticed, depends on whether
-/// the coupling is more than `sticks_below`, in units of its slab.
+/// Tips that see one coupling, and nothing else that could be off. Rolled-out links stick elsewhere where the coupling is below `sticks_below`,
+/// in units of its slab; settled ones know nothing of it.
 struct Coupled {
     robot: Robot,
     coupling: f64,

@@ -22,7 +22,7 @@ impl Fitter<'_> {
         let leftover = Leftover::of(&point.residuals, self.rows.tip_rows());
         let mut gain = f64::INFINITY;
         for left_out in &point.effects {
-            let others: Vec<usize> = point.effects.iter().copied().filter(|effect| effect != left_out).collect();
+            let others = point.all_but(*left_out);
             let without = if others.is_empty() {
                 none.clone()
             } else {

@@ -1,0 +1,109 @@
+//! Which of two hypotheses is the better one, and which effects are worth naming.
+//!
+//! Evidence alone takes rows to err independently and the model to be right. What a hypothesis leaves counts as noise, an effect has to matter
+//! in a channel, its size has to be beyond what sizes scatter by, and it has to outweigh its prior by what blocks of time allow.
+
+use raven::stats::normal_quantile;
+
+use super::fit::{Fitter, Hypothesis};
+use super::leftover::Leftover;
+use super::paired;
+use super::prior;
+use super::search::Outcome;
+
+/// An effect matters if it explains at least this part of what effects explain in one of the channels, and so much at all [nat].
+const MATERIAL: f64 = 0.005;
+const LEAST_NATS: f64 = 3.0;
+/// Or if it takes so much strain off the tolerances of the nominal model [nat].
+const STRAIN_NATS: f64 = 6.0;
+/// Chance that any effect of the library counts as beyond its scatter where there is none.
+const FALSE_CHANCE: f64 = 0.05;
+
+impl Fitter<'_> {
+    /// Whether a hypothesis is more probable than another when what the richer one leaves counts as noise.
+    pub(super) fn better(&self, outcome: &Outcome, one: &Hypothesis, other: &Hypothesis) -> bool {
+        if other.effects.iter().all(|e| one.effects.contains(e)) && !self.is_material(outcome, one, other) {
+            return false;
+        }
+        let richer = if other.effects.len() > one.effects.len() { other } else { one };
+        let leftover = Leftover::of(&richer.residuals, self.rows.tip_rows());
+        let score = |h: &Hypothesis| self.tempered(h, &leftover) + prior::log(h.effects.len(), self.coordinates.sited.len());
+        score(one) > score(other)
+    }
+
+    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that effects explain there.
+    fn is_material(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
+        let tip_rows = self.rows.tip_rows();
+        let channel = |k: usize| if k < tip_rows { 0 } else { 1 + (k - tip_rows) % 3 };
+        let squares = |residuals: &[f64]| {
+            residuals.iter().enumerate().fold([0.0; 4], |mut sum, (k, r)| {
+                sum[channel(k)] += r * r;
+                sum
+            })
+        };
+        let [all, without, with] = [&outcome.none.residuals, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
+        // What numbers of the nominal model have to bear without it.
+        let strain = |h: &Hypothesis| {
+            let spiked = h.free.iter().filter(|&&c| !h.effects.contains(&self.coordinates.all[c].effect));
+            spiked.map(|&c| self.strain(c, &h.u).powi(2)).sum::<f64>()
+        };
+        strain(poorer) - strain(richer) > 2.0 * STRAIN_NATS
+            || (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
+    }
+
+    /// Judges all hypotheses alike: what the best of them leaves counts as noise.
+    pub(super) fn temper(&self, outcome: &mut Outcome) {
+        outcome.leftover = Leftover::of(&outcome.best.residuals, self.rows.tip_rows());
+        let before = outcome.fitted.values().map(|(h, _)| h.evidence).fold(f64::NEG_INFINITY, f64::max);
+        outcome.fitted.values_mut().for_each(|(h, evidence)| *evidence = self.tempered(h, &outcome.leftover));
+        let after = outcome.fitted.values().map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
+        // Nothing is known of these but that they fell behind, by differences that shrink as all do.
+        let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
+        outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
+        let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || !self.are_beyond_scatter(h);
+        let gone: Vec<Vec<usize>> = outcome.fitted.values().filter(|(h, _)| spurious(h)).map(|(h, _)| h.effects.clone()).collect();
+        outcome.fitted.retain(|effects, _| !gone.contains(effects));
+        // What the screen promised of more effects than these rests on them.
+        outcome.screened.retain(|effects, _| !gone.iter().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
+        let score = |h: &Hypothesis, evidence: f64| evidence + prior::log(h.effects.len(), outcome.effects);
+        if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| score(&a.0, a.1).total_cmp(&score(&b.0, b.1))) {
+            outcome.best = best.clone();
+        }
+    }
+
+    /// Whether each effect has a size farther from none than sizes scatter where residuals are alike over time. Evidence takes rows to err
+    /// independently, and promises too much where they do not. Family-wise over the library and an effect's sizes (Bonferroni); an effect
+    /// without a size is left to its evidence.
+    pub(super) fn are_beyond_scatter(&self, hypothesis: &Hypothesis) -> bool {
+        let deviations = self.deviations(hypothesis);
+        hypothesis.effects.iter().all(|&effect| {
+            let is_size = |&c: &usize| !self.coordinates.all[c].is_unknown() && self.scale(c).is_size();
+            let sizes: Vec<usize> = self.coordinates.of(effect).filter(is_size).collect();
+            let chance = FALSE_CHANCE / (self.coordinates.sited.len() * sizes.len().max(1)) as f64;
+            let beyond = normal_quantile(1.0 - 0.5 * chance);
+            let is_beyond = |&c: &usize| {
+                let at = hypothesis.free.iter().position(|&free| free == c);
+                at.is_some_and(|k| hypothesis.u[c].abs() > beyond * deviations[k])
+            };
+            sizes.is_empty() || sizes.iter().any(is_beyond)
+        })
+    }
+
+    fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {
+        let without = |left_out: &usize| {
+            let effects = hypothesis.all_but(*left_out);
+            outcome.fitted.get(&effects).filter(|_| !effects.is_empty())
+        };
+        let is_needed = |poorer: &Hypothesis| self.is_material(outcome, hypothesis, poorer) && self.outweighs(outcome, hypothesis, poorer);
+        hypothesis.effects.iter().filter_map(without).any(|(poorer, _)| !is_needed(poorer))
+    }
+
+    /// Whether a hypothesis is more probable than a poorer one when residuals that are alike over time count for what they hold.
+    fn outweighs(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
+        let evidence = |h: &Hypothesis| outcome.fitted.get(&h.effects).map_or(f64::NEG_INFINITY, |(_, evidence)| *evidence);
+        let score = |h: &Hypothesis| evidence(h) + prior::log(h.effects.len(), outcome.effects);
+        let [r, others] = [richer, poorer].map(|h| outcome.leftover.weighted(&h.residuals, self.rows.tip_rows()));
+        let [stated, agreed] = paired::ratio(&r, &others, &self.blocks(&richer.residuals));
+        score(richer) - score(poorer) - stated + agreed > 0.0
+    }
+}
