@@ -1,6 +1,6 @@
 //! The statistics that reports quote: RMS, paired and unpaired t tests, chi-square bands.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
+use statrs::distribution::{Chi, ChiSquared, Continuous, ContinuousCDF, LogNormal, Normal, StudentsT};
 
 /// Root mean square; `None` of nothing.
 #[must_use]
@@ -40,6 +40,18 @@ pub fn quantiles<const N: usize>(values: &[f64], parts: [f64; N]) -> Option<[f64
         let below = place.floor() as usize;
         sorted[below] + (sorted[(below + 1).min(last)] - sorted[below]) * place.fract()
     }))
+}
+
+/// Logarithm of the density of the length of `n` standard normal numbers; `None` for none.
+#[must_use]
+pub fn chi_log_density(n: usize, length: f64) -> Option<f64> {
+    Some(Chi::new(u64::try_from(n).ok()?).ok()?.ln_pdf(length))
+}
+
+/// Logarithm of the density of a number whose logarithm is normal about that of `median`; `None` if `median` or `deviation` is not above zero.
+#[must_use]
+pub fn log_normal_log_density(median: f64, deviation: f64, value: f64) -> Option<f64> {
+    Some(LogNormal::new(median.ln(), deviation).ok()?.ln_pdf(value))
 }
 
 /// A t statistic with its degrees of freedom and two-sided P value.

@@ -1,10 +1,13 @@
 //! The smallest size of each effect that recordings could have shown, and how probable it is that one is there and too small for them.
 //!
-//! With an effect's slope `s` projected off the numbers of the nominal model, `S = s's - s'J (J'J + L)^-1 J's`, a size of `u` slabs raises
-//! the evidence by `u^2 S^2 / (2 (S + 1)) - ln(1 + S) / 2` on average.
+//! With an effect's slope `s` projected off the other numbers of the nominal model, `S = s's - s'J (J'J + L)^-1 J's`, a size of `u` slabs is found
+//! to within `1/S`. Where it is `N(0, t^2)` in the nominal model, the effect raises the evidence on average by
 //!
-//! An effect that is too small to show leaves the evidence as it is without. Sizes have no scale of their own before a recording is looked
-//! at: every factor is as probable as any other (Jeffreys 1946), between what would be no effect and the largest that is to be expected.
+//! ```text
+//! ((u^2 + 1/S) (1/(1/S + t^2) - 1/(1/S + 1)) + ln((1 + S t^2) / (1 + S))) / 2
+//! ```
+//!
+//! and by what sizes are believed to be ([`sizes`]). An effect that is too small to show leaves the evidence as it is without.
 
 use nalgebra::DVector;
 use raven::Result;
@@ -17,6 +20,7 @@ use crate::evidence::linear::dot;
 use crate::evidence::prior;
 use crate::evidence::rows::Links;
 use crate::evidence::search::Outcome;
+use crate::evidence::sizes;
 
 /// The smallest size of an effect that would have been named.
 #[derive(Debug, Clone, Serialize)]
@@ -31,27 +35,24 @@ pub struct Detectable {
     pub unit: String,
 }
 
-/// Evidence beyond the prior odds at which an effect counts as shown [nat].
-const SHOWN_NATS: f64 = 3.0;
-/// Smallest size that counts as an effect and largest that is to be expected, in slabs.
-const SIZES: [f64; 2] = [0.03, 3.0];
+/// Evidence beyond the prior odds at which an effect will be named in spite of its scatter [nat].
+const SURE_NATS: f64 = 3.0;
+/// Sizes are tried by this factor, from so many slabs on.
+const TRIED: f64 = 1.02;
+const LEAST: f64 = 1e-3;
 
 /// The smallest size of one effect that would have been named.
 pub(super) struct Smallest {
-    effect: usize,
+    pub(super) effect: usize,
     /// Coordinate of its size.
     coordinate: usize,
-    /// In slabs.
+    /// In slabs; infinite where none shows that is to be expected.
     u: f64,
+    /// Probability that the effect is smaller than one that is as likely named as not, if it is there.
+    pub(super) part_unseen: f64,
 }
 
 impl Smallest {
-    /// Probability that an effect is smaller, if it is there.
-    pub(super) fn part_unseen(&self) -> f64 {
-        let [least, largest] = SIZES;
-        ((self.u / least).ln() / (largest / least).ln()).clamp(0.0, 1.0)
-    }
-
     /// As reports have it.
     pub(super) fn detectable(&self, fitter: &Fitter) -> Detectable {
         let (sited, kind) = (fitter.coordinates.sited[self.effect], fitter.coordinates.kinds[self.effect]);
@@ -59,7 +60,7 @@ impl Smallest {
         Detectable {
             id: sited.effect.id,
             joint: sited.joint(fitter.rows.robot()),
-            size: (self.u < SIZES[1]).then(|| parameter.value(self.u, kind)),
+            size: self.u.is_finite().then(|| parameter.value(self.u, kind)),
             unit: parameter.unit_at(kind).to_owned(),
         }
     }
@@ -68,7 +69,7 @@ impl Smallest {
 pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smallest>> {
     let (rows, coordinates, none) = (fitter.rows, fitter.coordinates, &outcome.none);
     let count = coordinates.sited.len();
-    let wanted = SHOWN_NATS + prior::log(0, count) - prior::log(1, count);
+    let odds = prior::log(0, count) - prior::log(1, count);
     let all: Vec<&[f64]> = none.columns.iter().map(|column| column.as_slice()).collect();
     let mut curvature = gram(&all);
     for (k, &c) in none.free.iter().enumerate() {
@@ -94,14 +95,67 @@ pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smalles
         let block = curvature.select_rows(kept.iter()).select_columns(kept.iter());
         let Some(factor) = block.cholesky() else { return Ok(None) };
         let information = (dot(&slope, &slope) - cross.dot(&factor.solve(&cross))).max(0.0);
-        let needed = (wanted + 0.5 * (1.0 + information).ln()) * 2.0 * (information + 1.0) / information.powi(2);
-        Ok(Some(Smallest { effect, coordinate: own[size], u: needed.sqrt() }))
+        let n = own.iter().filter(|&&c| parameter(fitter, c).scale.is_size() && !coordinates.all[c].is_unknown()).count();
+        let spike = coordinates.all[own[size]].spike.map_or(0.0, |t| t.powi(2));
+        let shown = |wanted: f64| smallest_shown(information, spike, n, wanted);
+        let part_unseen = sizes::part_below(shown(odds) / (n as f64).sqrt());
+        Ok(Some(Smallest { effect, coordinate: own[size], u: shown(odds + SURE_NATS), part_unseen }))
     };
     let found: Result<Vec<Option<Smallest>>> = (0..count).into_par_iter().map(of_effect).collect();
     Ok(found?.into_iter().flatten().collect())
 }
 
+/// The smallest size in slabs, of one that is to be expected, that raises the evidence by `wanted` where it is found with `information`; with a
+/// variance of `spike` in the nominal model, and as one of `n` sizes.
+fn smallest_shown(information: f64, spike: f64, n: usize, wanted: f64) -> f64 {
+    let root = (n as f64).sqrt();
+    let mut tried = std::iter::successors(Some(LEAST), |u| Some(u * TRIED)).take_while(|u| *u < sizes::largest() * root);
+    let shows = |u: &f64| raised_if_normal(*u, information, spike) + sizes::ln_ratio(*u / root, n) > wanted;
+    tried.find(shows).unwrap_or(f64::INFINITY)
+}
+
+/// By how much a size of `u` slabs raises the evidence on average where its prior is normal [nat].
+fn raised_if_normal(u: f64, information: f64, spike: f64) -> f64 {
+    let scatter = information.recip();
+    let gained = (u * u + scatter) * ((scatter + spike).recip() - (scatter + 1.0).recip());
+    0.5 * (gained + ((1.0 + information * spike) / (1.0 + information)).ln())
+}
+
 fn parameter(fitter: &Fitter, c: usize) -> &'static raven::effects::Parameter {
     let coordinate = fitter.coordinates.all[c];
     &fitter.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn evidence_rises_as_it_does_in_samples() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
+        for (u, information, spike) in [(0.3, 400.0_f64, 0.01_f64), (1.0, 9.0, 0.0), (0.05, 1e4, 0.04)] {
+            let density = |found: f64, variance: f64| -0.5 * (found * found / variance + variance.ln());
+            let samples = 200_000;
+            let sum: f64 = (0..samples)
+                .map(|_| {
+                    let scatter: f64 = StandardNormal.sample(&mut rng);
+                    let found = u + scatter / information.sqrt();
+                    density(found, information.recip() + 1.0) - density(found, information.recip() + spike)
+                })
+                .sum();
+            assert_relative_eq!(raised_if_normal(u, information, spike), sum / f64::from(samples), epsilon = 0.02);
+        }
+    }
+
+    #[test]
+    fn a_number_within_its_tolerances_does_not_show() {
+        // However well it is measured: a tenth of a slab is its tolerance.
+        let shown = smallest_shown(1e9, 0.01, 1, 5.0);
+        assert!((0.3..0.6).contains(&shown), "{shown}");
+        assert!(smallest_shown(1e9, 0.0, 1, 5.0) < 0.05);
+        assert_eq!(smallest_shown(0.0, 0.0, 1, 5.0), f64::INFINITY);
+    }
 }

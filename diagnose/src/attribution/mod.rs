@@ -18,6 +18,8 @@ pub use ties::Tied;
 pub use verdict::Word;
 pub use words::{at, number, sentence, words};
 
+use std::collections::BTreeMap;
+
 use raven::Result;
 use raven::camera::Cameras;
 use raven::log::Recording;
@@ -25,6 +27,7 @@ use raven::robot::{KinematicsKind, Robot};
 use serde::Serialize;
 
 use self::channels::Sampled;
+use self::detectable::Smallest;
 use crate::evidence::bench::Bench;
 use crate::evidence::coordinates::Coordinates;
 use crate::evidence::data::Data;
@@ -138,9 +141,6 @@ pub struct NotObservable {
     pub because: String,
 }
 
-/// Causes are named where they are three times as probable as that there are none: positive evidence, as Kass and Raftery 1995 put it. That
-/// their sizes are beyond what sizes scatter by is asked of them besides.
-const NONE_MAX: f64 = 0.25;
 /// Probability from which on the leading candidate is spoken of where none is named.
 const LEADING_MIN: f64 = 0.05;
 
@@ -183,8 +183,8 @@ fn followed(rows: &dyn Sampled, outcome: Option<Outcome>) -> Result<Outcome> {
 }
 
 fn concluded(rows: &dyn Sampled, coordinates: &Coordinates, outcome: &Outcome) -> Result<Attribution> {
-    let mut attribution = attribution(&Fitter { rows, coordinates }, outcome)?;
-    (attribution.gap, attribution.remaining) = closure::closures(rows, coordinates, closing(outcome, attribution.verdict))?;
+    let (mut attribution, closing) = attribution(&Fitter { rows, coordinates }, outcome)?;
+    (attribution.gap, attribution.remaining) = closure::closures(rows, coordinates, closing)?;
     Ok(attribution)
 }
 
@@ -227,25 +227,33 @@ pub fn when_told(
     fitted(&reweighted)?.map(|again| closed(&reweighted, again)).transpose()
 }
 
-/// The hypothesis whose effects are named; `None` where none is.
-fn named(outcome: &Outcome) -> Option<&Hypothesis> {
-    Some(&outcome.best).filter(|best| !best.effects.is_empty() && probability_of_none(&outcome.probabilities()) < NONE_MAX)
-}
-
-/// The hypothesis whose effects close the gap: where the verdict blames none, that without effects.
-fn closing(outcome: &Outcome, verdict: Word) -> &Hypothesis {
-    named(outcome).filter(|_| verdict != Word::Unexplained).unwrap_or(&outcome.none)
+/// The hypothesis whose effects are named: the most probable with any, where effects that show are more probable together than none. That
+/// their sizes are beyond what sizes scatter by, family-wise, has been asked of them besides.
+fn named<'a>(outcome: &'a Outcome, probabilities: &[(Vec<usize>, f64)]) -> Option<&'a Hypothesis> {
+    let shown: f64 = probabilities.iter().filter(|(effects, _)| !effects.is_empty()).map(|(_, p)| p).sum();
+    let mut fitted = probabilities.iter().filter(|(effects, _)| !effects.is_empty()).filter_map(|(effects, _)| outcome.fitted.get(effects));
+    fitted.next().map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))
 }
 
 fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
     probabilities.iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p)
 }
 
-/// Makes room among hypotheses for effects that are too small to show; returns their probability.
-fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], odds_unseen: f64) -> f64 {
-    let unseen = odds_unseen * probability_of_none(probabilities);
-    probabilities.iter_mut().for_each(|(_, p)| *p /= 1.0 + unseen);
-    unseen / (1.0 + unseen)
+/// Makes room among hypotheses for effects that are too small to show; returns their probability. Such an effect leaves the evidence as it is
+/// without: so much of the probability of each alone is among them already.
+fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], smallest: &[Smallest], effects: usize) -> f64 {
+    let none = probability_of_none(probabilities);
+    let of_one = none * (prior::log(1, effects) - prior::log(0, effects)).exp();
+    let parts: BTreeMap<usize, f64> = smallest.iter().map(|smallest| (smallest.effect, smallest.part_unseen)).collect();
+    for (set, probability) in probabilities.iter_mut() {
+        if let [effect] = set[..] {
+            *probability = (*probability - of_one * parts.get(&effect).unwrap_or(&0.0)).max(0.0);
+        }
+    }
+    let unseen = none * prior::odds_unseen(parts.values().sum::<f64>() / parts.len().max(1) as f64);
+    let sum = unseen + probabilities.iter().map(|(_, p)| p).sum::<f64>();
+    probabilities.iter_mut().for_each(|(_, p)| *p /= sum);
+    unseen / sum
 }
 
 /// Makes room among hypotheses for causes that are not in the library; returns their probability.
@@ -255,27 +263,26 @@ fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word) -> f64 {
     outside
 }
 
-/// What hypotheses say, without the gap.
-fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
+/// What hypotheses say, without the gap, and the hypothesis that closes it: where the verdict blames no effect, that without.
+fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution, &'a Hypothesis)> {
     let smallest = detectable::smallest(fitter, outcome)?;
-    let unseen: Vec<f64> = smallest.iter().map(detectable::Smallest::part_unseen).collect();
-    let odds_unseen = prior::odds_unseen(unseen.iter().sum::<f64>() / unseen.len().max(1) as f64);
     let mut probabilities = outcome.probabilities();
-    let named = named(outcome);
+    let too_small = with_unseen(&mut probabilities, &smallest, fitter.coordinates.sited.len());
+    let named = named(outcome, &probabilities);
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
-    let too_small = with_unseen(&mut probabilities, odds_unseen);
     let probability_outside = with_outside(&mut probabilities, word);
     let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
     let mut effects = Vec::new();
-    if let Some(best) = named.filter(|_| word != Word::Unexplained) {
+    let blamed = named.filter(|_| word != Word::Unexplained);
+    if let Some(best) = blamed {
         for &effect in &best.effects {
             let ties = ties::ties(fitter, outcome, best, effect);
-            effects.push(Blamed { probability: with(effect), ties, ..blamed(fitter, outcome, best, effect) });
+            effects.push(Blamed { probability: with(effect), ties, ..cause(fitter, outcome, best, effect) });
         }
         effects.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     }
     let not_observable = fitter.coordinates.not_observable.iter();
-    Ok(Attribution {
+    let attribution = Attribution {
         verdict: word,
         effects,
         misfit_accounted: accounted,
@@ -287,10 +294,11 @@ fn attribution(fitter: &Fitter, outcome: &Outcome) -> Result<Attribution> {
         gap: Vec::new(),
         remaining: Vec::new(),
         remarks: Vec::new(),
-    })
+    };
+    Ok((attribution, blamed.unwrap_or(&outcome.none)))
 }
 
-fn blamed(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Blamed {
+fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Blamed {
     let coordinates = fitter.coordinates;
     let (sited, kind) = (coordinates.sited[effect], coordinates.kinds[effect]);
     let deviations = fitter.deviations(best);
@@ -305,7 +313,10 @@ fn blamed(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) 
             unit: parameter.unit_at(kind).to_owned(),
         }
     };
-    let evidence = |effects: &[usize]| outcome.fitted.get(effects).map_or(f64::NEG_INFINITY, |(_, evidence)| *evidence);
+    let evidence = |effects: &[usize]| {
+        let fitted = outcome.fitted.get(effects).map(|(_, evidence)| *evidence);
+        fitted.or_else(|| outcome.spurious.get(effects).copied()).unwrap_or(f64::NEG_INFINITY)
+    };
     Blamed {
         id: sited.effect.id,
         joint: sited.joint(fitter.rows.robot()),

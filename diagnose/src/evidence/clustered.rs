@@ -21,14 +21,15 @@ const TORQUE_BLOCK: usize = 3 * 100;
 /// Blocks beyond what a fit takes out, below which they say nothing.
 const SPARE_MIN: f64 = 4.0;
 
-/// Covariance of the minimum of `(|r|^2 + |u / t|^2) / 2` from residuals and slopes there; `None` with too few blocks of rows.
+/// Covariances of the minimum of `(|r|^2 + |u / t|^2) / 2` from residuals and slopes there: by the stated noise, and by blocks of rows, where
+/// there are enough of them. `None` where nothing holds the minimum.
 #[must_use]
-pub fn covariance(columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64>, blocks: &[Range<usize>]) -> Option<DMatrix<f64>> {
+pub fn covariances(columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64>, blocks: &[Range<usize>]) -> Option<[DMatrix<f64>; 2]> {
     let information = gram(columns);
     let bread = (&information + DMatrix::from_diagonal(precision)).cholesky()?.inverse();
     let spare = blocks.len() as f64 - (&bread * &information).trace();
     if spare < SPARE_MIN {
-        return None;
+        return Some([bread.clone(), bread]);
     }
     let mut scores = DMatrix::zeros(columns.len(), columns.len());
     for block in blocks {
@@ -36,7 +37,8 @@ pub fn covariance(columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64
         let score = DVector::from_iterator(columns.len(), columns.iter().map(score));
         scores.ger(blocks.len() as f64 / spare, &score, &score, 1.0);
     }
-    Some(&bread * (scores + DMatrix::from_diagonal(precision)) * &bread)
+    let clustered = &bread * (scores + DMatrix::from_diagonal(precision)) * &bread;
+    Some([bread, clustered])
 }
 
 impl Fitter<'_> {
@@ -49,15 +51,19 @@ impl Fitter<'_> {
         blocks(0, tip_rows, TIP_BLOCK).chain(blocks(tip_rows, rows, TORQUE_BLOCK)).filter(says).collect()
     }
 
-    /// Deviations of the free coordinates of a hypothesis: by the stated noise or by what its residuals are like, whichever is larger.
+    /// Deviations of the free coordinates of a hypothesis.
     #[must_use]
     pub fn deviations(&self, hypothesis: &Hypothesis) -> Vec<f64> {
-        let blocks = self.blocks(&hypothesis.residuals);
         let columns: Vec<&[f64]> = hypothesis.columns.iter().map(|column| column.as_slice()).collect();
-        let precision = self.precision(&hypothesis.free, &hypothesis.effects);
-        let clustered = covariance(&columns, &hypothesis.residuals, &precision, &blocks);
-        let clustered = |k: usize| clustered.as_ref().map_or(0.0, |covariance| covariance[(k, k)].max(0.0).sqrt());
-        hypothesis.free.iter().enumerate().map(|(k, &c)| hypothesis.std(c).max(clustered(k))).collect()
+        let scatter = self.scatter(&columns, &hypothesis.residuals, &self.precision(&hypothesis.free, &hypothesis.effects));
+        scatter.unwrap_or_else(|| hypothesis.free.iter().map(|&c| hypothesis.std(c)).collect())
+    }
+
+    /// Deviations of numbers with these slopes and prior precisions: by the stated noise or by what residuals are like, whichever is larger.
+    /// `None` where nothing holds them.
+    pub(super) fn scatter(&self, columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64>) -> Option<Vec<f64>> {
+        let [stated, clustered] = covariances(columns, residuals, precision, &self.blocks(residuals))?;
+        Some((0..columns.len()).map(|k| stated[(k, k)].max(clustered[(k, k)]).max(0.0).sqrt()).collect())
     }
 }
 
@@ -89,8 +95,8 @@ mod tests {
                 .collect();
             let found = dot(&column, &seen) / dot(&column, &column);
             let residuals: Vec<f64> = seen.iter().zip(&column).map(|(y, x)| y - found * x).collect();
-            let clustered = covariance(&[&column], &residuals, &precision, &blocks).unwrap()[(0, 0)];
-            squares[0] += found * found / clustered;
+            let [_, clustered] = covariances(&[&column], &residuals, &precision, &blocks).unwrap();
+            squares[0] += found * found / clustered[(0, 0)];
             squares[1] += found * found * dot(&column, &column);
         }
         squares.map(|sum| (sum / f64::from(trials)).sqrt())
@@ -109,8 +115,9 @@ mod tests {
         let column = vec![1.0; 100];
         let residuals: Vec<f64> = (0..100).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let blocks: Vec<_> = (0..100).step_by(10).map(|start| start..start + 10).collect();
-        let tight = covariance(&[&column], &residuals, &DVector::from_element(1, 1e8), &blocks).unwrap();
+        let [_, tight] = covariances(&[&column], &residuals, &DVector::from_element(1, 1e8), &blocks).unwrap();
         approx::assert_relative_eq!(tight[(0, 0)], 1e-8, max_relative = 1e-4);
-        assert!(covariance(&[&column], &residuals, &DVector::from_element(1, 1e-3), &blocks[..4]).is_none());
+        let [stated, few] = covariances(&[&column], &residuals, &DVector::from_element(1, 1e-3), &blocks[..4]).unwrap();
+        assert_eq!(stated, few);
     }
 }

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use super::coordinates::Coordinates;
 use super::linear::{dot, evidence};
 use super::rows::{ALL, Links, Observed};
+use super::sizes;
 
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
 const DIFFERENCE: f64 = 0.02;
@@ -289,25 +290,23 @@ impl Fitter<'_> {
         }
     }
 
-    /// What priors that are not normal add to the evidence [nat], at `u` with posterior deviations `std`.
-    ///
-    /// A magnitude's prior is half a normal distribution, and part of its posterior is cut away. The sizes of an effect are not near zero,
-    /// where its absence would do as well: their prior is `|u|^2 / n` times the normal one (the moment prior of Johnson and Rossell 2010).
+    /// What priors that are not normal add to the evidence [nat], at `u` with posterior deviations `std`: those of sizes ([`sizes`]), of which
+    /// a magnitude's are above zero, where part of the posterior is cut away, and of one among whole numbers.
     #[must_use]
     pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
         let of_effect = |&effect: &usize| {
             let size = |&c: &usize| !self.coordinates.all[c].is_unknown() && self.scale(c).is_size();
-            let sizes = || self.coordinates.of(effect).filter(size);
-            let square: f64 = sizes().map(|c| u(c).powi(2) + std(c).powi(2)).sum();
-            let moment = if square > 0.0 { (square / sizes().count() as f64).ln() } else { 0.0 };
-            let magnitudes = sizes().filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
+            let of_sizes = || self.coordinates.of(effect).filter(size);
+            let found: Vec<(f64, f64)> = of_sizes().map(|c| (u(c), std(c))).collect();
+            let magnitudes = of_sizes().filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
             // One of so many, which the normal prior of `u` says nothing of.
             let one_of = |c: usize| match self.scale(c) {
                 Scale::Whole { most } => 0.5 * u(c).powi(2) - f64::from(most).ln(),
                 _ => 0.0,
             };
             let whole: f64 = self.coordinates.of(effect).map(one_of).sum();
-            moment + whole + magnitudes.map(|c| (2.0 * normal_cdf(u(c) / std(c)).max(f64::MIN_POSITIVE)).ln()).sum::<f64>()
+            let above_zero: f64 = magnitudes.map(|c| (2.0 * normal_cdf(u(c) / std(c)).max(f64::MIN_POSITIVE)).ln()).sum();
+            sizes::beyond_normal(&found) + whole + above_zero
         };
         effects.iter().map(of_effect).sum()
     }

@@ -3,7 +3,8 @@
 //! The screen's slopes promise far too much of a joint that is held by friction, swings or floats in slack, and a fit that goes by them ends
 //! far from the recordings; so does the nominal model's where a soft cable is within its tolerance. Where something remains, the best
 //! hypothesis and the one without effects go on by slopes of rolled-out links. Where the best explains nothing, effects of that kind are
-//! fitted again from the nominal model at several sizes: first all other numbers with these held, then everything.
+//! fitted again from the nominal model at several sizes, and so is a slack that leaves something: first all other numbers with these held, then
+//! everything.
 
 use raven::Result;
 use rayon::prelude::*;
@@ -16,6 +17,8 @@ use super::search::Outcome;
 const AGAIN: usize = 2;
 /// Starts of each: some, evenly spread over those of the screen.
 const STARTS_MAX: usize = 3;
+/// Starts of a slack that was found, as parts of its size.
+const SLACKS: [f64; STARTS_MAX] = [0.6, 1.0, 1.7];
 /// How many of these fits go on by slopes of rolled-out links.
 const CLOSELY: usize = 2;
 
@@ -34,6 +37,13 @@ impl Fitter<'_> {
         if let Some(effect) = self.strained(none).into_iter().find(|&effect| self.followed(effect).is_some()) {
             let freed = Hypothesis { effects: vec![effect], ..none.clone() };
             other |= self.closely(outcome, &[freed])?;
+        }
+        if Leftover::of(&outcome.best.residuals, self.rows.tip_rows()).remains() {
+            let best = outcome.best.clone();
+            let slack = |&effect: &usize| (effect, self.coordinates.of(effect).map(|c| best.u[c]).collect::<Vec<f64>>());
+            let slacks = best.effects.iter().filter(|&&effect| self.is_loose(effect)).map(slack);
+            let starts = slacks.flat_map(|(effect, u)| SLACKS.map(|part| (effect, u.iter().map(|u| part * u).collect())));
+            other |= self.from_nominal(outcome, nominal, &starts.collect::<Vec<_>>())?;
         }
         Ok(other)
     }
@@ -71,7 +81,11 @@ impl Fitter<'_> {
             let (last, count) = (starts.len().saturating_sub(1), starts.len().min(STARTS_MAX));
             (0..count).map(|k| (effect, starts[k * last / (count - 1).max(1)].clone())).collect::<Vec<_>>()
         };
-        let starts: Vec<(usize, Vec<f64>)> = alone.iter().take(AGAIN).flat_map(of_effect).collect();
+        self.from_nominal(outcome, nominal, &alone.iter().take(AGAIN).flat_map(of_effect).collect::<Vec<_>>())
+    }
+
+    /// Fits single effects from the nominal model and these numbers of theirs; as [`Self::closely`].
+    fn from_nominal(&self, outcome: &mut Outcome, nominal: &Hypothesis, starts: &[(usize, Vec<f64>)]) -> Result<bool> {
         let held = |(effect, start): &(usize, Vec<f64>)| {
             let mut u = nominal.u.clone();
             self.coordinates.of(*effect).zip(start).for_each(|(c, value)| u[c] = *value);

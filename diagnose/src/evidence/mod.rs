@@ -1,6 +1,7 @@
 //! Which effects, by evidence.
 
 pub mod bench;
+mod beyond;
 pub mod clustered;
 pub mod coordinates;
 pub mod data;
@@ -13,6 +14,7 @@ pub mod prior;
 pub mod rows;
 pub mod screen;
 pub mod search;
+pub mod sizes;
 pub mod told;
 mod weighing;
 

@@ -1,6 +1,8 @@
 //! A first look at every effect: evidence by slopes at one point, from several starts where an effect is not smooth. Slopes are those of settled
 //! links; beside no other effect, rolled-out ones take their place for effects that let a joint float, which takes fifty times as long.
 
+use std::cmp::Ordering;
+
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
 use raven::effects::{Channel, Parameter, Scale};
@@ -167,9 +169,21 @@ impl Fitter<'_> {
     }
 
     /// Whether an effect lets a joint float, as backlash does: without a load it settles anywhere, and only rolled-out links say where it is.
-    fn is_loose(&self, effect: usize) -> bool {
+    pub(super) fn is_loose(&self, effect: usize) -> bool {
         let is_magnitude = |parameter: &Parameter| matches!(parameter.scale, Scale::Magnitude(_));
         self.followed(effect).is_some() && self.coordinates.sited[effect].effect.parameters.iter().all(is_magnitude)
+    }
+
+    /// How many shapes an effect is looked for with.
+    pub(super) fn shapes_looked_at(&self, effect: usize) -> usize {
+        let parameters = self.coordinates.sited[effect].effect.parameters;
+        let mut starts = self.starts(effect, &self.nowhere());
+        for start in &mut starts {
+            start.iter_mut().zip(parameters).filter(|(_, parameter)| parameter.scale.is_size()).for_each(|(value, _)| *value = 0.0);
+        }
+        starts.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+        starts.dedup();
+        starts.len()
     }
 
     /// Where to start looking for an effect: its numbers in units of their slabs.

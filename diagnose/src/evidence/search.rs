@@ -39,6 +39,8 @@ pub struct Outcome {
     pub leftover: Leftover,
     /// Every hypothesis that was fitted, by its effects, with its tempered evidence [nat].
     pub fitted: BTreeMap<Vec<usize>, (Hypothesis, f64)>,
+    /// Tempered evidence of those that were fitted and hold an effect that is not worth naming [nat].
+    pub spurious: BTreeMap<Vec<usize>, f64>,
     /// Tempered evidence, at most, of those that the screen gave up [nat].
     pub screened: BTreeMap<Vec<usize>, f64>,
     /// What the screen said of the whole library from each hypothesis that effects were added to.
@@ -112,7 +114,7 @@ impl Fitter<'_> {
         if self.found_again(&mut outcome, &nominal)? {
             self.add_effects(&mut outcome, &nominal, each)?;
         }
-        self.temper(&mut outcome);
+        self.temper(&mut outcome)?;
         Ok(Some(outcome))
     }
 
@@ -128,12 +130,23 @@ impl Fitter<'_> {
             let score = |(h, evidence): &(Hypothesis, f64)| evidence + prior::log(h.effects.len(), before.effects);
             let reached = before.fitted.get(&before.best.effects).map_or(f64::NEG_INFINITY, score);
             let is_part = |h: &Hypothesis| h.effects.iter().all(|e| best.effects.contains(e));
-            let mut near: Vec<&(Hypothesis, f64)> =
-                before.fitted.values().filter(|known| is_part(&known.0) || score(known) > reached - WITHIN_NATS).collect();
+            let mut near: Vec<(&Hypothesis, f64)> = before
+                .fitted
+                .values()
+                .map(|known| (&known.0, score(known)))
+                .filter(|(h, s)| is_part(h) || *s > reached - WITHIN_NATS)
+                .collect();
             near.retain(|(h, _)| !h.effects.is_empty() && h.effects != best.effects);
-            near.sort_by(|a, b| is_part(&b.0).cmp(&is_part(&a.0)).then(score(b).total_cmp(&score(a))));
+            near.sort_by(|a, b| is_part(b.0).cmp(&is_part(a.0)).then(b.1.total_cmp(&a.1)));
             near.truncate(REFITTED[1]);
-            let refitted: Result<Vec<Option<Hypothesis>>> = near.par_iter().map(|(h, _)| self.fit(&h.effects, &h.u, Some(&best))).collect();
+            let mut starts: BTreeMap<Vec<usize>, Vec<f64>> = near.into_iter().map(|(h, _)| (h.effects.clone(), h.u.clone())).collect();
+            // What each effect is worth shows without it.
+            for &left_out in best.effects.iter().filter(|_| best.effects.len() > 1) {
+                starts.entry(best.all_but(left_out)).or_insert_with(|| self.without(left_out, &best.u));
+            }
+            let starts: Vec<(Vec<usize>, Vec<f64>)> = starts.into_iter().collect();
+            let refitted: Result<Vec<Option<Hypothesis>>> =
+                starts.par_iter().map(|(effects, u)| self.fit(effects, u, Some(&best))).collect();
             for hypothesis in [Some(best)].into_iter().chain(refitted?).flatten() {
                 outcome.keep(&hypothesis);
                 if self.better(&outcome, &hypothesis, &outcome.best) {
@@ -143,7 +156,7 @@ impl Fitter<'_> {
             each();
         }
         self.add_effects(&mut outcome, &nominal, each)?;
-        self.temper(&mut outcome);
+        self.temper(&mut outcome)?;
         Ok(Some(outcome))
     }
 
@@ -156,6 +169,7 @@ impl Fitter<'_> {
             none: none.clone(),
             leftover: Leftover::none(),
             fitted: BTreeMap::new(),
+            spurious: BTreeMap::new(),
             screened: BTreeMap::new(),
             screens: BTreeMap::new(),
             effects: self.coordinates.sited.len(),
@@ -189,7 +203,7 @@ impl Fitter<'_> {
             }
             each();
             // What is lost in scatter will not be named, whatever stands in for the others.
-            if round > 1 && self.better(outcome, &best, &outcome.best) && self.are_beyond_scatter(&best) {
+            if round > 1 && self.better(outcome, &best, &outcome.best) && self.are_beyond_scatter(&best)? {
                 best = self.reopened(outcome, best)?;
                 each();
             }

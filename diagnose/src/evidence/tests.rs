@@ -5,14 +5,19 @@ use raven::effects::{Channel, Sited};
 use raven::robot::{Robot, nominal};
 
 use super::coordinates::Coordinates;
-use super::fit::Fitter;
+use super::fit::{Fitter, Hypothesis};
 use super::rows::{Links, Observed, Setting};
 
-/// Tips that see one coupling, and nothing else that could be off. Rolled-out links stick elsewhere where the coupling is below `sticks_below`,
-/// in units of its slab; settled ones know nothing of it.
-struct Coupled {
+/// Tips that see one effect at one place, and nothing else that could be off.
+struct Seen {
     robot: Robot,
-    coupling: f64,
+    id: &'static str,
+    place: [usize; 2],
+    /// How far tips are moved by what, by its numbers in units of their slabs.
+    moves: fn(&[f64]) -> f64,
+    /// How far they are.
+    moved: f64,
+    /// Rolled-out links stick elsewhere where the effect moves tips by less; settled ones know nothing of it.
     sticks_below: f64,
 }
 
@@ -20,16 +25,31 @@ const ROWS: usize = 300;
 /// Rows that stick otherwise, and by how many deviations.
 const STUCK: usize = 8;
 const STICKS: f64 = 2.0;
-/// Deviations by which a coupling of one slab moves tips, in the mean.
+/// Deviations by which tips are moved by 1, in the mean.
 const SEEN: f64 = 3.0;
 
-impl Coupled {
-    fn is_seen(sited: &Sited) -> bool {
-        sited.effect.id == "cable-coupling" && (sited.place.first, sited.place.second) == (0, 1)
+impl Seen {
+    fn new(id: &'static str, place: [usize; 2], moves: fn(&[f64]) -> f64, moved: f64) -> Self {
+        Self { robot: nominal::gold(), id, place, moves, moved, sticks_below: f64::NEG_INFINITY }
+    }
+
+    fn is_seen(&self, sited: &Sited) -> bool {
+        sited.effect.id == self.id && [sited.place.first, sited.place.second] == self.place
+    }
+
+    /// The effect as it was found, alone.
+    fn found(&self) -> (Coordinates, Hypothesis) {
+        let coordinates = Coordinates::new(&self.robot, self);
+        assert_eq!(coordinates.sited.len(), 1);
+        let fitter = Fitter { rows: self, coordinates: &coordinates };
+        let point = fitter.at_nominal().unwrap().unwrap();
+        let candidate = fitter.screen(&point, 0.0).unwrap().remove(0);
+        let found = fitter.fit(&candidate.effects, &candidate.start, None).unwrap().unwrap();
+        (coordinates, found)
     }
 }
 
-impl Observed for Coupled {
+impl Observed for Seen {
     fn robot(&self) -> &Robot {
         &self.robot
     }
@@ -47,15 +67,15 @@ impl Observed for Coupled {
     }
 
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
-        (!Self::is_seen(sited)).then_some("it is not there")
+        (!self.is_seen(sited)).then_some("it is not there")
     }
 
     fn residuals(&self, settings: &[Setting], links: Links, _: &[Channel]) -> Result<Vec<f64>> {
-        let coupling = settings.iter().find(|(sited, _)| Self::is_seen(sited)).map_or(0.0, |(_, u)| u[0]);
-        let sticks = links == Links::RolledOut && coupling < self.sticks_below;
+        let moved = settings.iter().find(|(sited, _)| self.is_seen(sited)).map_or(0.0, |(_, u)| (self.moves)(u));
+        let sticks = links == Links::RolledOut && moved < self.sticks_below;
         let row = |k: usize| {
-            let moved = SEEN * (k as f64).sin() * std::f64::consts::SQRT_2 * (self.coupling - coupling);
-            moved + if sticks && k < STUCK { STICKS } else { 0.0 }
+            let off = SEEN * (k as f64).sin() * std::f64::consts::SQRT_2 * (self.moved - moved);
+            off + if sticks && k < STUCK { STICKS } else { 0.0 }
         };
         Ok((0..ROWS).map(row).collect())
     }
@@ -64,9 +84,8 @@ impl Observed for Coupled {
 #[test]
 fn where_joints_happen_to_stick_is_no_evidence_for_an_effect() {
     // The tolerance pulls the nominal model a little further back than an effect, and there the elbow sticks.
-    let rows = Coupled { robot: nominal::gold(), coupling: 1.2, sticks_below: 1.198 };
+    let rows = Seen { sticks_below: 1.198, ..Seen::new("cable-coupling", [0, 1], |u| u[0], 1.2) };
     let coordinates = Coordinates::new(&rows.robot, &rows);
-    assert_eq!(coordinates.sited.len(), 1);
     let fitter = Fitter { rows: &rows, coordinates: &coordinates };
     let outcome = fitter.search(|| {}).unwrap().unwrap();
     let (coupled, _) = &outcome.fitted[&vec![0]];
@@ -74,4 +93,25 @@ fn where_joints_happen_to_stick_is_no_evidence_for_an_effect() {
     let gained = coupled.evidence - outcome.none.evidence;
     assert!(coupled.u[0] > rows.sticks_below, "{:?}", coupled.u);
     assert!(gained < strain, "{gained} nats for a strain of {strain}");
+}
+
+#[test]
+fn a_size_that_trades_with_its_shape_is_beyond_scatter() {
+    // Of creep that has only begun nothing shows but the ratio over the time.
+    let rows = Seen::new("creep", [0, 0], |u| u[0] * (-0.7 * u[1]).exp(), 1.0);
+    let (coordinates, found) = rows.found();
+    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
+    assert!(fitter.deviations(&found)[0] > 0.3 * found.u[0], "the ratio alone is known");
+    assert!(fitter.are_beyond_scatter(&found).unwrap());
+}
+
+#[test]
+fn a_shape_that_nothing_is_known_of_is_no_effect() {
+    let stiffening: fn(&[f64]) -> f64 = |u| (-2.0 * u[0]).exp();
+    for (moved, is_there) in [(0.5, true), (0.0, false)] {
+        let rows = Seen::new("cable-stiffening", [0, 0], stiffening, moved);
+        let (coordinates, found) = rows.found();
+        let fitter = Fitter { rows: &rows, coordinates: &coordinates };
+        assert_eq!(fitter.are_beyond_scatter(&found).unwrap(), is_there, "moved by {moved}, found {:?}", found.u);
+    }
 }

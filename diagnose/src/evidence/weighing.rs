@@ -3,7 +3,9 @@
 //! Evidence alone takes rows to err independently and the model to be right. What a hypothesis leaves counts as noise, an effect has to matter
 //! in a channel, its size has to be beyond what sizes scatter by, and it has to outweigh its prior by what blocks of time allow.
 
-use raven::stats::normal_quantile;
+use std::collections::BTreeMap;
+
+use raven::Result;
 
 use super::fit::{Fitter, Hypothesis};
 use super::leftover::Leftover;
@@ -16,8 +18,6 @@ const MATERIAL: f64 = 0.005;
 const LEAST_NATS: f64 = 3.0;
 /// Or if it takes so much strain off the tolerances of the nominal model [nat].
 const STRAIN_NATS: f64 = 6.0;
-/// Chance that any effect of the library counts as beyond its scatter where there is none.
-const FALSE_CHANCE: f64 = 0.05;
 
 impl Fitter<'_> {
     /// Whether a hypothesis is more probable than another when what the richer one leaves counts as noise.
@@ -52,7 +52,10 @@ impl Fitter<'_> {
     }
 
     /// Judges all hypotheses alike: what the best of them leaves counts as noise.
-    pub(super) fn temper(&self, outcome: &mut Outcome) {
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub(super) fn temper(&self, outcome: &mut Outcome) -> Result<()> {
         outcome.leftover = Leftover::of(&outcome.best.residuals, self.rows.tip_rows());
         let before = outcome.fitted.values().map(|(h, _)| h.evidence).fold(f64::NEG_INFINITY, f64::max);
         outcome.fitted.values_mut().for_each(|(h, evidence)| *evidence = self.tempered(h, &outcome.leftover));
@@ -60,33 +63,21 @@ impl Fitter<'_> {
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
         let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
-        let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || !self.are_beyond_scatter(h);
-        let gone: Vec<Vec<usize>> = outcome.fitted.values().filter(|(h, _)| spurious(h)).map(|(h, _)| h.effects.clone()).collect();
-        outcome.fitted.retain(|effects, _| !gone.contains(effects));
+        let mut gone = BTreeMap::new();
+        for (effects, (hypothesis, evidence)) in &outcome.fitted {
+            if self.has_immaterial(outcome, hypothesis) || !self.are_beyond_scatter(hypothesis)? {
+                gone.insert(effects.clone(), *evidence);
+            }
+        }
+        outcome.fitted.retain(|effects, _| !gone.contains_key(effects));
         // What the screen promised of more effects than these rests on them.
-        outcome.screened.retain(|effects, _| !gone.iter().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
+        outcome.screened.retain(|effects, _| !gone.keys().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
+        outcome.spurious = gone;
         let score = |h: &Hypothesis, evidence: f64| evidence + prior::log(h.effects.len(), outcome.effects);
         if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| score(&a.0, a.1).total_cmp(&score(&b.0, b.1))) {
             outcome.best = best.clone();
         }
-    }
-
-    /// Whether each effect has a size farther from none than sizes scatter where residuals are alike over time. Evidence takes rows to err
-    /// independently, and promises too much where they do not. Family-wise over the library and an effect's sizes (Bonferroni); an effect
-    /// without a size is left to its evidence.
-    pub(super) fn are_beyond_scatter(&self, hypothesis: &Hypothesis) -> bool {
-        let deviations = self.deviations(hypothesis);
-        hypothesis.effects.iter().all(|&effect| {
-            let is_size = |&c: &usize| !self.coordinates.all[c].is_unknown() && self.scale(c).is_size();
-            let sizes: Vec<usize> = self.coordinates.of(effect).filter(is_size).collect();
-            let chance = FALSE_CHANCE / (self.coordinates.sited.len() * sizes.len().max(1)) as f64;
-            let beyond = normal_quantile(1.0 - 0.5 * chance);
-            let is_beyond = |&c: &usize| {
-                let at = hypothesis.free.iter().position(|&free| free == c);
-                at.is_some_and(|k| hypothesis.u[c].abs() > beyond * deviations[k])
-            };
-            sizes.is_empty() || sizes.iter().any(is_beyond)
-        })
+        Ok(())
     }
 
     fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {

@@ -10,8 +10,9 @@ pub fn document() -> String {
     let mut text = String::from(
         "# Effect library\n\n\
          What `raven-diagnose` can name, as it is in the code; `raven-diagnose effects` prints this page.\n\n\
-         A prior is what is believed of a number of the effect before a recording is looked at: `+- s` is a normal distribution, `x e^(+- s)` \
-         a factor whose logarithm has the deviation `s`, `>= 0, s` half a normal distribution. Where the nominal model has the number too, it \
+         A prior is what is believed of a number of the effect before a recording is looked at. `+- s`, `x e^(+- s)` and `>= 0, s` are sizes: of \
+         either sign, of the logarithm of a factor, above zero. Nine of ten are between 0.2 and 3 times `s`, half of them below 0.8 (log-normal). \
+         `5 x e^(+- 0.5)` is a shape about 5 whose logarithm is normal with a deviation of 0.5. Where the nominal model has the number too, it \
          is off by its tolerance in any case, and the effect is what goes beyond. Two sizes are of a revolute and a prismatic joint.\n",
     );
     let stages = [

@@ -124,6 +124,7 @@ impl Measure {
             "joint compliance" => 1.0 / joint,
             "cable load" => self.cable.force_n,
             "cable stretch" => self.cable.stretch_m,
+            "1/cable stretch" => 1.0 / self.cable.stretch_m,
             "capstan length" => self.capstan,
             _ => 1.0,
         }
@@ -148,6 +149,7 @@ impl Measure {
             ("joint/rad", _, false) => "m/rad",
             ("joint", _, true) => "rad",
             ("joint", _, false) | ("capstan length" | "cable stretch", ..) => "m",
+            ("1/cable stretch", ..) => "1",
             _ => unit,
         }
     }

@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "coefficient",
         unit: "joint/rad",
-        scale: Scale::Offset(Size::per_kind(0.03, 0.006)),
+        scale: Scale::Offset(Size::per_kind(0.05, 0.01)),
         // Named without a unit, but it is one of the coefficient in rad/rad; in m/rad a third of it, as of hard stops.
         tolerance: Some(|robot, place| {
             robot.joints.get(place.second).map_or(0.0, |joint| match joint.kind {

@@ -10,7 +10,8 @@ pub const EFFECT: Effect = Effect {
     stage: Stage::Transmission,
     summary: "z' = (ratio gamma / 2 k_e - z) / T in series with the cable, at first as it settles but for a part",
     parameters: &[
-        Parameter { name: "ratio", unit: "1", scale: Scale::Magnitude(Size::of(3.0)), tolerance: None },
+        // Cables creep by a millimetre or so under their load, however stiff they are.
+        Parameter { name: "ratio", unit: "1/cable stretch", scale: Scale::Magnitude(Size::of(1.5e-3)), tolerance: None },
         Parameter { name: "time", unit: "s", scale: Scale::Shape { middle: 30.0, size: 0.7 }, tolerance: None },
         // 0 for a robot that has stood there, 1 for one that was without load until then.
         Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
