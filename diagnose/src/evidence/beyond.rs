@@ -2,57 +2,55 @@
 //!
 //! Evidence takes rows to err independently, and promises too much where they do not. A size is held against none, family-wise over the
 //! library and over what the effect was looked for with (Bonferroni). Without the effect a shape says nothing: a size counts as it scatters at
-//! the shape that was found, and an effect that has a shape alone is as large as what it moves.
+//! the shape that was found. An effect that has a shape alone is held against the hypothesis without it, by the root of twice the ratio of
+//! their likelihoods (Wilks 1938), as far as blocks of time allow.
 
 use nalgebra::DVector;
-use raven::Result;
 use raven::stats::normal_quantile;
 
 use super::fit::{Fitter, Hypothesis};
+use super::paired;
+use super::search::Outcome;
 
 /// Chance that any effect of the library counts as beyond its scatter where there is none.
 const FALSE_CHANCE: f64 = 0.05;
 
 impl Fitter<'_> {
-    /// Whether each effect of a hypothesis is.
-    ///
-    /// # Errors
-    /// If the robot is no arm.
-    pub(super) fn are_beyond_scatter(&self, hypothesis: &Hypothesis) -> Result<bool> {
-        for &effect in &hypothesis.effects {
-            if !self.is_beyond_scatter(hypothesis, effect)? {
-                return Ok(false);
-            }
-        }
-        Ok(true)
+    /// Effects of a hypothesis that are not.
+    pub(super) fn lost_in_scatter(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> Vec<usize> {
+        hypothesis.effects.iter().copied().filter(|&effect| !self.is_beyond_scatter(outcome, hypothesis, effect)).collect()
     }
 
-    fn is_beyond_scatter(&self, hypothesis: &Hypothesis, effect: usize) -> Result<bool> {
-        let Hypothesis { free, columns, residuals, u, .. } = hypothesis;
+    fn is_beyond_scatter(&self, outcome: &Outcome, hypothesis: &Hypothesis, effect: usize) -> bool {
+        let free = &hypothesis.free;
         let is_own = |&k: &usize| self.coordinates.all[free[k]].effect == effect;
         let (own, others): (Vec<usize>, Vec<usize>) = (0..free.len()).partition(is_own);
         let says = own.into_iter().filter(|&k| !self.coordinates.all[free[k]].is_unknown());
         let (sizes, shapes): (Vec<usize>, Vec<usize>) = says.partition(|&k| self.scale(free[k]).is_size());
-        let mut found: Vec<f64> = sizes.iter().map(|&k| u[free[k]].abs()).collect();
-        let kept: Vec<usize> = sizes.iter().chain(&others).copied().collect();
-        let mut slopes: Vec<&[f64]> = kept.iter().map(|&k| columns[k].as_slice()).collect();
-        let coordinates: Vec<usize> = kept.iter().map(|&k| free[k]).collect();
-        let mut precision: Vec<f64> = self.precision(&coordinates, &hypothesis.effects).iter().copied().collect();
-        let moved: Vec<f64>;
+        let beyond = |looks: usize| normal_quantile(1.0 - 0.5 * FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64);
         match (sizes.is_empty(), shapes.is_empty()) {
-            (true, true) => return Ok(true),
+            (true, true) => true,
             (true, false) => {
-                let absent = self.exact(&self.without(effect, u))?;
-                moved = absent.iter().zip(residuals).map(|(absent, there)| absent - there).collect();
-                found.insert(0, 1.0);
-                slopes.insert(0, &moved);
-                precision.insert(0, 0.0);
+                let without = outcome.fitted.get(&hypothesis.all_but(effect));
+                let ratio = |(without, _): &(Hypothesis, f64)| self.likelihood_ratio(hypothesis, without);
+                without.is_none_or(|without| (2.0 * ratio(without)).max(0.0).sqrt() > beyond(self.shapes_looked_at(effect)))
             }
-            _ => {}
+            (false, _) => {
+                let kept: Vec<usize> = sizes.iter().chain(&others).copied().collect();
+                let columns: Vec<&[f64]> = kept.iter().map(|&k| hypothesis.columns[k].as_slice()).collect();
+                let coordinates: Vec<usize> = kept.iter().map(|&k| free[k]).collect();
+                let precision: DVector<f64> = self.precision(&coordinates, &hypothesis.effects);
+                let beyond = beyond(if shapes.is_empty() { sizes.len() } else { self.shapes_looked_at(effect) });
+                let scatter = self.scatter(&columns, &hypothesis.residuals, &precision).unwrap_or_default();
+                sizes.iter().zip(scatter).any(|(&k, deviation)| hypothesis.u[free[k]].abs() > beyond * deviation)
+            }
         }
-        let Some(scatter) = self.scatter(&slopes, residuals, &DVector::from_vec(precision)) else { return Ok(false) };
-        let looks = if shapes.is_empty() { found.len() } else { self.shapes_looked_at(effect) };
-        let beyond = normal_quantile(1.0 - 0.5 * FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64);
-        Ok(found.iter().zip(&scatter).any(|(size, deviation)| *size > beyond * deviation))
+    }
+
+    /// How much likelier a hypothesis is than a poorer one at their best [nat]: by the recordings, as far as blocks of time allow, and by what the
+    /// tolerances of the nominal model bear.
+    fn likelihood_ratio(&self, richer: &Hypothesis, poorer: &Hypothesis) -> f64 {
+        let [_, agreed] = paired::ratio(&richer.residuals, &poorer.residuals, &self.blocks(&richer.residuals));
+        agreed + 0.5 * (self.strain_squared(poorer) - self.strain_squared(richer))
     }
 }

@@ -19,6 +19,8 @@ use super::screen::Candidate;
 
 /// Most effects.
 pub const EFFECTS_MAX: usize = 3;
+/// Most times that an effect is added: more than effects, as what was added may be left out again.
+const ROUNDS_MAX: usize = 5;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 const WITHIN_NATS: f64 = 25.0;
 const REFITTED: [usize; 2] = [2, 8];
@@ -110,11 +112,11 @@ impl Fitter<'_> {
     pub fn search(&self, mut each: impl FnMut()) -> Result<Option<Outcome>> {
         let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
         each();
-        self.add_effects(&mut outcome, &nominal, &mut each)?;
+        self.add_and_shed(&mut outcome, &nominal, &mut each)?;
         if self.found_again(&mut outcome, &nominal)? {
-            self.add_effects(&mut outcome, &nominal, each)?;
+            self.add_and_shed(&mut outcome, &nominal, each)?;
         }
-        self.temper(&mut outcome)?;
+        self.temper(&mut outcome);
         Ok(Some(outcome))
     }
 
@@ -155,8 +157,8 @@ impl Fitter<'_> {
             }
             each();
         }
-        self.add_effects(&mut outcome, &nominal, each)?;
-        self.temper(&mut outcome)?;
+        self.add_and_shed(&mut outcome, &nominal, each)?;
+        self.temper(&mut outcome);
         Ok(Some(outcome))
     }
 
@@ -180,7 +182,11 @@ impl Fitter<'_> {
 
     /// Adds effects to the best hypothesis, one at a time, as long as that makes it more probable.
     fn add_effects(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
-        for round in outcome.best.effects.len() + 1..=EFFECTS_MAX {
+        for _ in 0..ROUNDS_MAX {
+            let round = outcome.best.effects.len() + 1;
+            if round > EFFECTS_MAX {
+                break;
+            }
             // Numbers of the nominal model that made up for a large effect are a bad place to look from.
             let point = if round == 1 { nominal.clone() } else { outcome.best.clone() };
             let candidates = self.screen(&point, outcome.best.evidence)?;
@@ -203,7 +209,7 @@ impl Fitter<'_> {
             }
             each();
             // What is lost in scatter will not be named, whatever stands in for the others.
-            if round > 1 && self.better(outcome, &best, &outcome.best) && self.are_beyond_scatter(&best)? {
+            if round > 1 && self.better(outcome, &best, &outcome.best) && self.lost_in_scatter(outcome, &best).is_empty() {
                 best = self.reopened(outcome, best)?;
                 each();
             }
@@ -211,11 +217,21 @@ impl Fitter<'_> {
                 break;
             }
             outcome.best = best;
-            if outcome.best.effects.len() < round {
-                break;
-            }
         }
         Ok(())
+    }
+
+    /// Adds effects to the best hypothesis, and to what is left of it without those that are lost in scatter.
+    fn add_and_shed(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
+        self.add_effects(outcome, nominal, &mut each)?;
+        let added = outcome.best.effects.len();
+        while let Some(&lost) = self.lost_in_scatter(outcome, &outcome.best).first().filter(|_| outcome.best.effects.len() > 1) {
+            let best = outcome.best.clone();
+            let Some(rest) = self.fit(&best.all_but(lost), &self.without(lost, &best.u), Some(&best))? else { break };
+            outcome.keep(&rest);
+            outcome.best = outcome.fitted.get(&rest.effects).map_or(rest, |(known, _)| known.clone());
+        }
+        if outcome.best.effects.len() < added { self.add_effects(outcome, nominal, each) } else { Ok(()) }
     }
 
     /// The better of `best` and of effects that the fitted nominal model has as strained numbers.

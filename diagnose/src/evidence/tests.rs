@@ -5,7 +5,7 @@ use raven::effects::{Channel, Sited};
 use raven::robot::{Robot, nominal};
 
 use super::coordinates::Coordinates;
-use super::fit::{Fitter, Hypothesis};
+use super::fit::Fitter;
 use super::rows::{Links, Observed, Setting};
 
 /// Tips that see one effect at one place, and nothing else that could be off.
@@ -37,15 +37,16 @@ impl Seen {
         sited.effect.id == self.id && [sited.place.first, sited.place.second] == self.place
     }
 
-    /// The effect as it was found, alone.
-    fn found(&self) -> (Coordinates, Hypothesis) {
+    /// Whether the effect is beyond its scatter where it was found, alone, and its first number in deviations.
+    fn is_beyond_scatter(&self) -> (bool, f64) {
         let coordinates = Coordinates::new(&self.robot, self);
         assert_eq!(coordinates.sited.len(), 1);
         let fitter = Fitter { rows: self, coordinates: &coordinates };
+        let outcome = fitter.search(|| {}).unwrap().unwrap();
         let point = fitter.at_nominal().unwrap().unwrap();
         let candidate = fitter.screen(&point, 0.0).unwrap().remove(0);
         let found = fitter.fit(&candidate.effects, &candidate.start, None).unwrap().unwrap();
-        (coordinates, found)
+        (fitter.lost_in_scatter(&outcome, &found).is_empty(), found.u[0].abs() / fitter.deviations(&found)[0])
     }
 }
 
@@ -98,20 +99,14 @@ fn where_joints_happen_to_stick_is_no_evidence_for_an_effect() {
 #[test]
 fn a_size_that_trades_with_its_shape_is_beyond_scatter() {
     // Of creep that has only begun nothing shows but the ratio over the time.
-    let rows = Seen::new("creep", [0, 0], |u| u[0] * (-0.7 * u[1]).exp(), 1.0);
-    let (coordinates, found) = rows.found();
-    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
-    assert!(fitter.deviations(&found)[0] > 0.3 * found.u[0], "the ratio alone is known");
-    assert!(fitter.are_beyond_scatter(&found).unwrap());
+    let (is_beyond, deviations) = Seen::new("creep", [0, 0], |u| u[0] * (-0.7 * u[1]).exp(), 1.0).is_beyond_scatter();
+    assert!(is_beyond && deviations < 3.0, "{deviations}");
 }
 
 #[test]
 fn a_shape_that_nothing_is_known_of_is_no_effect() {
-    let stiffening: fn(&[f64]) -> f64 = |u| (-2.0 * u[0]).exp();
     for (moved, is_there) in [(0.5, true), (0.0, false)] {
-        let rows = Seen::new("cable-stiffening", [0, 0], stiffening, moved);
-        let (coordinates, found) = rows.found();
-        let fitter = Fitter { rows: &rows, coordinates: &coordinates };
-        assert_eq!(fitter.are_beyond_scatter(&found).unwrap(), is_there, "moved by {moved}, found {:?}", found.u);
+        let stiffened = Seen::new("cable-stiffening", [0, 0], |u| (-2.0 * u[0]).exp(), moved);
+        assert_eq!(stiffened.is_beyond_scatter().0, is_there, "moved by {moved}");
     }
 }

@@ -5,8 +5,6 @@
 
 use std::collections::BTreeMap;
 
-use raven::Result;
-
 use super::fit::{Fitter, Hypothesis};
 use super::leftover::Leftover;
 use super::paired;
@@ -42,20 +40,18 @@ impl Fitter<'_> {
             })
         };
         let [all, without, with] = [&outcome.none.residuals, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
-        // What numbers of the nominal model have to bear without it.
-        let strain = |h: &Hypothesis| {
-            let spiked = h.free.iter().filter(|&&c| !h.effects.contains(&self.coordinates.all[c].effect));
-            spiked.map(|&c| self.strain(c, &h.u).powi(2)).sum::<f64>()
-        };
-        strain(poorer) - strain(richer) > 2.0 * STRAIN_NATS
+        self.strain_squared(poorer) - self.strain_squared(richer) > 2.0 * STRAIN_NATS
             || (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
     }
 
+    /// What numbers of the nominal model have to bear, in squared tolerances.
+    pub(super) fn strain_squared(&self, hypothesis: &Hypothesis) -> f64 {
+        let spiked = hypothesis.free.iter().filter(|&&c| !hypothesis.effects.contains(&self.coordinates.all[c].effect));
+        spiked.map(|&c| self.strain(c, &hypothesis.u).powi(2)).sum()
+    }
+
     /// Judges all hypotheses alike: what the best of them leaves counts as noise.
-    ///
-    /// # Errors
-    /// If the robot is no arm.
-    pub(super) fn temper(&self, outcome: &mut Outcome) -> Result<()> {
+    pub(super) fn temper(&self, outcome: &mut Outcome) {
         outcome.leftover = Leftover::of(&outcome.best.residuals, self.rows.tip_rows());
         let before = outcome.fitted.values().map(|(h, _)| h.evidence).fold(f64::NEG_INFINITY, f64::max);
         outcome.fitted.values_mut().for_each(|(h, evidence)| *evidence = self.tempered(h, &outcome.leftover));
@@ -63,12 +59,9 @@ impl Fitter<'_> {
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
         let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
-        let mut gone = BTreeMap::new();
-        for (effects, (hypothesis, evidence)) in &outcome.fitted {
-            if self.has_immaterial(outcome, hypothesis) || !self.are_beyond_scatter(hypothesis)? {
-                gone.insert(effects.clone(), *evidence);
-            }
-        }
+        let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || !self.lost_in_scatter(outcome, h).is_empty();
+        let gone: BTreeMap<Vec<usize>, f64> =
+            outcome.fitted.values().filter(|(h, _)| spurious(h)).map(|(h, evidence)| (h.effects.clone(), *evidence)).collect();
         outcome.fitted.retain(|effects, _| !gone.contains_key(effects));
         // What the screen promised of more effects than these rests on them.
         outcome.screened.retain(|effects, _| !gone.keys().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
@@ -77,7 +70,6 @@ impl Fitter<'_> {
         if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| score(&a.0, a.1).total_cmp(&score(&b.0, b.1))) {
             outcome.best = best.clone();
         }
-        Ok(())
     }
 
     fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {
