@@ -6,6 +6,7 @@ mod detectable;
 mod fitness;
 mod remaining;
 mod ties;
+mod unknown;
 mod verdict;
 mod words;
 
@@ -18,8 +19,6 @@ pub use ties::Tied;
 pub use verdict::Word;
 pub use words::{at, number, sentence, words};
 
-use std::collections::BTreeMap;
-
 use raven::Result;
 use raven::camera::Cameras;
 use raven::log::Recording;
@@ -27,12 +26,11 @@ use raven::robot::{KinematicsKind, Robot};
 use serde::Serialize;
 
 use self::channels::Sampled;
-use self::detectable::Smallest;
+use self::unknown::probability_of_none;
 use crate::evidence::bench::Bench;
 use crate::evidence::coordinates::Coordinates;
 use crate::evidence::data::Data;
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::prior;
 use crate::evidence::rows::Rows;
 use crate::evidence::search::Outcome;
 
@@ -235,42 +233,15 @@ fn named<'a>(outcome: &'a Outcome, probabilities: &[(Vec<usize>, f64)]) -> Optio
     fitted.next().map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))
 }
 
-fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
-    probabilities.iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p)
-}
-
-/// Makes room among hypotheses for effects that are too small to show; returns their probability. Such an effect leaves the evidence as it is
-/// without: so much of the probability of each alone is among them already.
-fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], smallest: &[Smallest], effects: usize) -> f64 {
-    let none = probability_of_none(probabilities);
-    let of_one = none * (prior::log(1, effects) - prior::log(0, effects)).exp();
-    let parts: BTreeMap<usize, f64> = smallest.iter().map(|smallest| (smallest.effect, smallest.part_unseen)).collect();
-    for (set, probability) in probabilities.iter_mut() {
-        if let [effect] = set[..] {
-            *probability = (*probability - of_one * parts.get(&effect).unwrap_or(&0.0)).max(0.0);
-        }
-    }
-    let unseen = none * prior::odds_unseen(parts.values().sum::<f64>() / parts.len().max(1) as f64);
-    let sum = unseen + probabilities.iter().map(|(_, p)| p).sum::<f64>();
-    probabilities.iter_mut().for_each(|(_, p)| *p /= sum);
-    unseen / sum
-}
-
-/// Makes room among hypotheses for causes that are not in the library; returns their probability.
-fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word) -> f64 {
-    let outside = if verdict.remains() { prior::OUTSIDE_IF_REMAINS } else { 0.0 };
-    probabilities.iter_mut().for_each(|(_, p)| *p *= 1.0 - outside);
-    outside
-}
-
 /// What hypotheses say, without the gap, and the hypothesis that closes it: where the verdict blames no effect, that without.
 fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution, &'a Hypothesis)> {
     let smallest = detectable::smallest(fitter, outcome)?;
     let mut probabilities = outcome.probabilities();
-    let too_small = with_unseen(&mut probabilities, &smallest, fitter.coordinates.sited.len());
+    let parts_unseen = smallest.iter().map(|smallest| (smallest.effect, smallest.part_unseen)).collect();
+    let too_small = unknown::with_unseen(&mut probabilities, &parts_unseen, fitter.coordinates.sited.len());
     let named = named(outcome, &probabilities);
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
-    let probability_outside = with_outside(&mut probabilities, word);
+    let probability_outside = unknown::with_outside(&mut probabilities, word);
     let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
     let mut effects = Vec::new();
     let blamed = named.filter(|_| word != Word::Unexplained);

@@ -1,5 +1,6 @@
 //! Which effects, by evidence.
 
+mod again;
 pub mod bench;
 mod beyond;
 pub mod clustered;

@@ -22,8 +22,8 @@ pub const EFFECTS_MAX: usize = 3;
 /// Most times that an effect is added: more than effects, as what was added may be left out again.
 const ROUNDS_MAX: usize = 5;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
-const WITHIN_NATS: f64 = 25.0;
-const REFITTED: [usize; 2] = [2, 8];
+pub(super) const WITHIN_NATS: f64 = 25.0;
+pub(super) const REFITTED: [usize; 2] = [2, 8];
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
 /// So many of either are fitted at a time, before the next are held against them: on every machine, or verdicts would depend on its processors.
@@ -120,50 +120,8 @@ impl Fitter<'_> {
         Ok(Some(outcome))
     }
 
-    /// As [`Self::search`] where the same was searched with rows of other weights `before`: what came near the best there is fitted anew, and
-    /// effects are added to the best of that.
-    ///
-    /// # Errors
-    /// If the robot is no arm.
-    pub fn search_again(&self, before: &Outcome, mut each: impl FnMut()) -> Result<Option<Outcome>> {
-        let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
-        each();
-        if let Some(best) = self.fit(&before.best.effects, &before.best.u, None)? {
-            let score = |(h, evidence): &(Hypothesis, f64)| evidence + prior::log(h.effects.len(), before.effects);
-            let reached = before.fitted.get(&before.best.effects).map_or(f64::NEG_INFINITY, score);
-            let is_part = |h: &Hypothesis| h.effects.iter().all(|e| best.effects.contains(e));
-            let mut near: Vec<(&Hypothesis, f64)> = before
-                .fitted
-                .values()
-                .map(|known| (&known.0, score(known)))
-                .filter(|(h, s)| is_part(h) || *s > reached - WITHIN_NATS)
-                .collect();
-            near.retain(|(h, _)| !h.effects.is_empty() && h.effects != best.effects);
-            near.sort_by(|a, b| is_part(b.0).cmp(&is_part(a.0)).then(b.1.total_cmp(&a.1)));
-            near.truncate(REFITTED[1]);
-            let mut starts: BTreeMap<Vec<usize>, Vec<f64>> = near.into_iter().map(|(h, _)| (h.effects.clone(), h.u.clone())).collect();
-            // What each effect is worth shows without it.
-            for &left_out in best.effects.iter().filter(|_| best.effects.len() > 1) {
-                starts.entry(best.all_but(left_out)).or_insert_with(|| self.without(left_out, &best.u));
-            }
-            let starts: Vec<(Vec<usize>, Vec<f64>)> = starts.into_iter().collect();
-            let refitted: Result<Vec<Option<Hypothesis>>> =
-                starts.par_iter().map(|(effects, u)| self.fit(effects, u, Some(&best))).collect();
-            for hypothesis in [Some(best)].into_iter().chain(refitted?).flatten() {
-                outcome.keep(&hypothesis);
-                if self.better(&outcome, &hypothesis, &outcome.best) {
-                    outcome.best = hypothesis;
-                }
-            }
-            each();
-        }
-        self.add_and_shed(&mut outcome, &nominal, each)?;
-        self.temper(&mut outcome);
-        Ok(Some(outcome))
-    }
-
     /// The nominal model as it is, and fitted within its tolerances.
-    fn begun(&self) -> Result<Option<(Hypothesis, Outcome)>> {
+    pub(super) fn begun(&self) -> Result<Option<(Hypothesis, Outcome)>> {
         let Some(nominal) = self.at_nominal()? else { return Ok(None) };
         let Some(none) = self.fit(&[], &nominal.u, None)? else { return Ok(None) };
         let mut outcome = Outcome {
@@ -222,7 +180,7 @@ impl Fitter<'_> {
     }
 
     /// Adds effects to the best hypothesis, and to what is left of it without those that are lost in scatter.
-    fn add_and_shed(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
+    pub(super) fn add_and_shed(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
         self.add_effects(outcome, nominal, &mut each)?;
         let added = outcome.best.effects.len();
         while let Some(&lost) = self.lost_in_scatter(outcome, &outcome.best).first().filter(|_| outcome.best.effects.len() > 1) {

@@ -1,0 +1,57 @@
+//! Room among the hypotheses that were looked at for what was not: effects too small to show, and causes outside the library.
+
+use std::collections::BTreeMap;
+
+use super::verdict::Word;
+use crate::evidence::prior;
+
+/// Of hypotheses by their effects.
+pub(super) fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
+    probabilities.iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p)
+}
+
+/// Makes room for effects that are too small to show; returns their probability. `parts_unseen` are the parts of the effects' sizes that are,
+/// `effects` how many effects there are at their places. Such an effect leaves the evidence as it is without: so much of the probability of
+/// each alone is among them already.
+pub(super) fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], parts_unseen: &BTreeMap<usize, f64>, effects: usize) -> f64 {
+    let none = probability_of_none(probabilities);
+    let of_one = none * (prior::log(1, effects) - prior::log(0, effects)).exp();
+    for (set, probability) in probabilities.iter_mut() {
+        if let [effect] = set[..] {
+            *probability = (*probability - of_one * parts_unseen.get(&effect).unwrap_or(&0.0)).max(0.0);
+        }
+    }
+    let unseen = none * prior::odds_unseen(parts_unseen.values().sum::<f64>() / parts_unseen.len().max(1) as f64);
+    let sum = unseen + probabilities.iter().map(|(_, p)| p).sum::<f64>();
+    probabilities.iter_mut().for_each(|(_, p)| *p /= sum);
+    unseen / sum
+}
+
+/// Makes room for causes that are not in the library; returns their probability.
+pub(super) fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word) -> f64 {
+    let outside = if verdict.remains() { prior::OUTSIDE_IF_REMAINS } else { 0.0 };
+    probabilities.iter_mut().for_each(|(_, p)| *p *= 1.0 - outside);
+    outside
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recordings_that_say_nothing_leave_none_as_probable_as_it_was() {
+        // Two effects, of which no size can show: the evidence of each is that of none.
+        let mut probabilities = prior::probabilities([vec![], vec![0], vec![1]].map(|set| (set, -7.0)).into_iter(), 2);
+        let unseen = with_unseen(&mut probabilities, &BTreeMap::from([(0, 1.0), (1, 1.0)]), 2);
+        approx::assert_relative_eq!(probability_of_none(&probabilities), prior::log(0, 2).exp(), epsilon = 1e-9);
+        approx::assert_relative_eq!(unseen, 1.0 - prior::log(0, 2).exp(), epsilon = 1e-9);
+    }
+
+    #[test]
+    fn an_effect_that_shows_stays_as_it_is() {
+        let mut probabilities = prior::probabilities([(vec![], 0.0), (vec![0], 20.0)].into_iter(), 80);
+        with_unseen(&mut probabilities, &BTreeMap::from([(0, 0.3)]), 80);
+        assert!(probabilities[0].0 == [0] && probabilities[0].1 > 0.999_99, "{probabilities:?}");
+        assert_eq!(with_outside(&mut probabilities, Word::Explained), 0.0);
+    }
+}
