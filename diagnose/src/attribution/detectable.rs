@@ -37,6 +37,8 @@ pub struct Detectable {
 
 /// Evidence beyond the prior odds at which an effect will be named in spite of its scatter [nat].
 const SURE_NATS: f64 = 3.0;
+/// Tolerances that a number of the nominal model may be off by without an effect.
+const BORNE: f64 = 3.0;
 /// Sizes are tried by this factor, from so many slabs on.
 const TRIED: f64 = 1.02;
 const LEAST: f64 = 1e-3;
@@ -48,7 +50,7 @@ pub(super) struct Smallest {
     coordinate: usize,
     /// In slabs; infinite where none shows that is to be expected.
     u: f64,
-    /// Probability that the effect is smaller than one that is as likely named as not, if it is there.
+    /// Probability that the effect, if it is there, is smaller than one that is as likely named as not.
     pub(super) part_unseen: f64,
 }
 
@@ -98,7 +100,7 @@ pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smalles
         let n = own.iter().filter(|&&c| parameter(fitter, c).scale.is_size() && !coordinates.all[c].is_unknown()).count();
         let spike = coordinates.all[own[size]].spike.map_or(0.0, |t| t.powi(2));
         let shown = |wanted: f64| smallest_shown(information, spike, n, wanted);
-        let part_unseen = sizes::part_below(shown(odds) / (n as f64).sqrt());
+        let part_unseen = part_unseen(shown(odds), spike, n);
         Ok(Some(Smallest { effect, coordinate: own[size], u: shown(odds + SURE_NATS), part_unseen }))
     };
     let found: Result<Vec<Option<Smallest>>> = (0..count).into_par_iter().map(of_effect).collect();
@@ -112,6 +114,13 @@ fn smallest_shown(information: f64, spike: f64, n: usize, wanted: f64) -> f64 {
     let mut tried = std::iter::successors(Some(LEAST), |u| Some(u * TRIED)).take_while(|u| *u < sizes::largest() * root);
     let shows = |u: &f64| raised_if_normal(*u, information, spike) + sizes::ln_ratio(*u / root, n) > wanted;
     tried.find(shows).unwrap_or(f64::INFINITY)
+}
+
+/// Part of an effect's sizes below `shown` slabs. What the nominal model's tolerance bears is no effect.
+fn part_unseen(shown: f64, spike: f64, n: usize) -> f64 {
+    let below = |u: f64| sizes::part_below(u / (n as f64).sqrt());
+    let borne = below(BORNE * spike.sqrt());
+    ((below(shown) - borne) / (1.0 - borne)).max(0.0)
 }
 
 /// By how much a size of `u` slabs raises the evidence on average where its prior is normal [nat].
@@ -157,5 +166,8 @@ mod tests {
         assert!((0.3..0.6).contains(&shown), "{shown}");
         assert!(smallest_shown(1e9, 0.0, 1, 5.0) < 0.05);
         assert_eq!(smallest_shown(0.0, 0.0, 1, 5.0), f64::INFINITY);
+        assert_eq!(part_unseen(0.3, 0.01, 1), 0.0);
+        assert_relative_eq!(part_unseen(0.8, 0.0, 1), 0.5, epsilon = 1e-9);
+        assert_relative_eq!(part_unseen(f64::INFINITY, 0.01, 1), 1.0);
     }
 }
