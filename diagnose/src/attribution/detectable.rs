@@ -58,7 +58,7 @@ impl Smallest {
     /// As reports have it.
     pub(super) fn detectable(&self, fitter: &Fitter) -> Detectable {
         let (sited, kind) = (fitter.coordinates.sited[self.effect], fitter.coordinates.kinds[self.effect]);
-        let parameter = parameter(fitter, self.coordinate);
+        let parameter = fitter.coordinates.parameter(self.coordinate);
         Detectable {
             id: sited.effect.id,
             joint: sited.joint(fitter.rows.robot()),
@@ -82,12 +82,11 @@ pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smalles
         let sited = coordinates.sited[effect];
         let own: Vec<usize> = coordinates.of(effect).collect();
         let kept: Vec<usize> = (0..none.free.len()).filter(|&k| !own.contains(&none.free[k])).collect();
-        let Some(size) = own.iter().position(|&c| parameter(fitter, c).scale.is_size()) else {
-            return Ok(None);
-        };
+        let sizes: Vec<usize> = coordinates.sizes(effect).collect();
+        let Some(&size) = sizes.first() else { return Ok(None) };
         let mut u = none.u.clone();
-        own.iter().for_each(|&c| u[c] = if matches!(parameter(fitter, c).scale, Scale::Moment) { 0.5 } else { 0.0 });
-        u[own[size]] = 1.0;
+        own.iter().for_each(|&c| u[c] = if matches!(coordinates.parameter(c).scale, Scale::Moment) { 0.5 } else { 0.0 });
+        u[size] = 1.0;
         let channels = sited.effect.channels;
         let there = rows.residuals(&coordinates.settings(&u), Links::Settled, channels)?;
         let tip_rows = rows.tip_rows();
@@ -97,11 +96,10 @@ pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smalles
         let block = curvature.select_rows(kept.iter()).select_columns(kept.iter());
         let Some(factor) = block.cholesky() else { return Ok(None) };
         let information = (dot(&slope, &slope) - cross.dot(&factor.solve(&cross))).max(0.0);
-        let n = own.iter().filter(|&&c| parameter(fitter, c).scale.is_size() && !coordinates.all[c].is_unknown()).count();
-        let spike = coordinates.all[own[size]].spike.map_or(0.0, |t| t.powi(2));
-        let shown = |wanted: f64| smallest_shown(information, spike, n, wanted);
-        let part_unseen = part_unseen(shown(odds), spike, n);
-        Ok(Some(Smallest { effect, coordinate: own[size], u: shown(odds + SURE_NATS), part_unseen }))
+        let spike = coordinates.all[size].spike.map_or(0.0, |t| t.powi(2));
+        let shown = |wanted: f64| smallest_shown(information, spike, sizes.len(), wanted);
+        let part_unseen = part_unseen(shown(odds), spike, sizes.len());
+        Ok(Some(Smallest { effect, coordinate: size, u: shown(odds + SURE_NATS), part_unseen }))
     };
     let found: Result<Vec<Option<Smallest>>> = (0..count).into_par_iter().map(of_effect).collect();
     Ok(found?.into_iter().flatten().collect())
@@ -128,11 +126,6 @@ fn raised_if_normal(u: f64, information: f64, spike: f64) -> f64 {
     let scatter = information.recip();
     let gained = (u * u + scatter) * ((scatter + spike).recip() - (scatter + 1.0).recip());
     0.5 * (gained + ((1.0 + information * spike) / (1.0 + information)).ln())
-}
-
-fn parameter(fitter: &Fitter, c: usize) -> &'static raven::effects::Parameter {
-    let coordinate = fitter.coordinates.all[c];
-    &fitter.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter]
 }
 
 #[cfg(test)]

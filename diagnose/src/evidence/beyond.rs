@@ -23,14 +23,15 @@ impl Fitter<'_> {
 
     fn is_beyond_scatter(&self, outcome: &Outcome, hypothesis: &Hypothesis, effect: usize) -> bool {
         let free = &hypothesis.free;
-        let is_own = |&k: &usize| self.coordinates.all[free[k]].effect == effect;
+        // What the nominal model knows no better than the effect does is among the others.
+        let is_own = |&k: &usize| self.coordinates.all[free[k]].effect == effect && !self.coordinates.all[free[k]].is_unknown();
         let (own, others): (Vec<usize>, Vec<usize>) = (0..free.len()).partition(is_own);
-        let says = own.into_iter().filter(|&k| !self.coordinates.all[free[k]].is_unknown());
-        let (sizes, shapes): (Vec<usize>, Vec<usize>) = says.partition(|&k| self.scale(free[k]).is_size());
+        let sizes: Vec<usize> = own.iter().copied().filter(|&k| self.scale(free[k]).is_size()).collect();
+        let shaped = own.len() > sizes.len();
         let beyond = |looks: usize| normal_quantile(1.0 - 0.5 * FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64);
-        match (sizes.is_empty(), shapes.is_empty()) {
-            (true, true) => true,
-            (true, false) => {
+        match (sizes.is_empty(), shaped) {
+            (true, false) => true,
+            (true, true) => {
                 let without = outcome.fitted.get(&hypothesis.all_but(effect));
                 let ratio = |(without, _): &(Hypothesis, f64)| self.likelihood_ratio(hypothesis, without);
                 without.is_none_or(|without| (2.0 * ratio(without)).max(0.0).sqrt() > beyond(self.shapes_looked_at(effect)))
@@ -40,7 +41,7 @@ impl Fitter<'_> {
                 let columns: Vec<&[f64]> = kept.iter().map(|&k| hypothesis.columns[k].as_slice()).collect();
                 let coordinates: Vec<usize> = kept.iter().map(|&k| free[k]).collect();
                 let precision: DVector<f64> = self.precision(&coordinates, &hypothesis.effects);
-                let beyond = beyond(if shapes.is_empty() { sizes.len() } else { self.shapes_looked_at(effect) });
+                let beyond = beyond(if shaped { self.shapes_looked_at(effect) } else { sizes.len() });
                 let scatter = self.scatter(&columns, &hypothesis.residuals, &precision).unwrap_or_default();
                 sizes.iter().zip(scatter).any(|(&k, deviation)| hypothesis.u[free[k]].abs() > beyond * deviation)
             }

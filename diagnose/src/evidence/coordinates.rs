@@ -1,6 +1,6 @@
 //! Every number in which the robot may depart from the model, in units of its effect's own prior.
 
-use raven::effects::{Channel, Effect, Measure, Scale, Scope, Sited};
+use raven::effects::{Channel, Effect, Measure, Parameter, Scale, Scope, Sited};
 use raven::robot::Robot;
 
 use super::rows::{Observed, Setting};
@@ -85,6 +85,18 @@ impl Coordinates {
     /// The coordinates of an effect.
     pub fn of(&self, effect: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.all.len()).filter(move |&c| self.all[c].effect == effect)
+    }
+
+    /// The number that a coordinate stands for.
+    #[must_use]
+    pub fn parameter(&self, c: usize) -> &'static Parameter {
+        let Coordinate { effect, parameter, .. } = self.all[c];
+        &self.sited[effect].effect.parameters[parameter]
+    }
+
+    /// The coordinates of an effect's sizes, by which it is there or not.
+    pub fn sizes(&self, effect: usize) -> impl Iterator<Item = usize> + '_ {
+        self.of(effect).filter(|&c| self.parameter(c).scale.is_size() && !self.all[c].is_unknown())
     }
 
     /// Coordinates that the nominal model has, off by their tolerance in any case.

@@ -129,8 +129,7 @@ impl Fitter<'_> {
     }
 
     pub(super) fn scale(&self, c: usize) -> Scale {
-        let coordinate = self.coordinates.all[c];
-        self.coordinates.sited[coordinate.effect].effect.parameters[coordinate.parameter].scale
+        self.coordinates.parameter(c).scale
     }
 
     /// Prior precisions of coordinates that are free under a hypothesis.
@@ -295,10 +294,8 @@ impl Fitter<'_> {
     #[must_use]
     pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
         let of_effect = |&effect: &usize| {
-            let size = |&c: &usize| !self.coordinates.all[c].is_unknown() && self.scale(c).is_size();
-            let of_sizes = || self.coordinates.of(effect).filter(size);
-            let found: Vec<(f64, f64)> = of_sizes().map(|c| (u(c), std(c))).collect();
-            let magnitudes = of_sizes().filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
+            let found: Vec<(f64, f64)> = self.coordinates.sizes(effect).map(|c| (u(c), std(c))).collect();
+            let magnitudes = self.coordinates.sizes(effect).filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
             // One of so many, which the normal prior of `u` says nothing of.
             let one_of = |c: usize| match self.scale(c) {
                 Scale::Whole { most } => 0.5 * u(c).powi(2) - f64::from(most).ln(),

@@ -2,7 +2,7 @@
 //!
 //! Fits take a size as normal, `N(0, 1)` in units of its slab. That is most probable where the effect's absence would do as well, and
 //! practically excludes five slabs. Sizes on such hardware go by factors: from a third of a slab to two or three. So `r`, the root mean square of an
-//! effect's `n` sizes, is log-normal about [`MEDIAN`], all directions alike, and evidence counts what the normal prior has too much or too
+//! effect's `n` sizes, is log-normal about `MEDIAN`, all directions alike, and evidence counts what the normal prior has too much or too
 //! little of that:
 //!
 //! ```text
