@@ -1,7 +1,7 @@
 //! The smallest size of each effect that recordings could have shown, and how probable it is that one is there and too small for them.
 //!
 //! With an effect's slope `s` projected off the other numbers of the nominal model, `S = s's - s'J (J'J + L)^-1 J's`, a size of `u` slabs is found
-//! to within `1/S`. Where it is `N(0, t^2)` in the nominal model, the effect raises the evidence on average by
+//! with the variance `1/S`. Where it is `N(0, t^2)` in the nominal model, the effect raises the evidence on average by
 //!
 //! ```text
 //! ((u^2 + 1/S) (1/(1/S + t^2) - 1/(1/S + 1)) + ln((1 + S t^2) / (1 + S))) / 2
