@@ -9,12 +9,14 @@
 //!
 //! (Laplace's approximation, exact here; MacKay 2003, chapter 27.)
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 
-/// Scalar product.
+/// Scalar product of as many numbers as both have.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    // nalgebra's has several sums, which do not wait for each other.
+    let n = a.len().min(b.len());
+    DVectorView::from_slice(a, n).dot(&DVectorView::from_slice(b, n))
 }
 
 /// Evidence [nat], up to a constant of the data, and covariance, where the cost `(|r|^2 + |u / t|^2) / 2` has its minimum and slopes with

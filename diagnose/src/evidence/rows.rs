@@ -260,7 +260,7 @@ pub(super) fn commanded_per_delivered(
 
 /// Dry friction of the joints at a pose [N m, N m, N].
 fn dry_friction(arm: &Arm, shaft: &Shaft) -> Vector3<f64> {
-    let gravity = arm.dynamics.bias(&arm.transmission.joint_from_motor(&shaft.angle), &Vector3::zeros());
+    let gravity = arm.dynamics.gravity(&arm.transmission.joint_from_motor(&shaft.angle));
     let tension_n = arm.transmission.tension_n(&gravity);
     Vector3::from_fn(|j, _| arm.dry_friction_n(j, tension_n[j]))
 }

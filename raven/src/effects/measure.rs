@@ -38,7 +38,7 @@ impl Load {
         let Ok(arm) = bare.arm() else { return CABLE };
         let part = |k: usize, axis: usize| if k >> axis & 1 == 1 { 0.75 } else { 0.25 };
         let pose = |k: usize| Vector3::from_fn(|i, _| arm.limits[i][0] + part(k, i) * (arm.limits[i][1] - arm.limits[i][0]));
-        let force = |k: usize| arm.transmission.tension_n(&arm.dynamics.bias(&pose(k), &Vector3::zeros()))[j];
+        let force = |k: usize| arm.transmission.tension_n(&arm.dynamics.gravity(&pose(k)))[j];
         let forces: Vec<f64> = (0..8).map(force).collect();
         crate::stats::rms(&forces).map_or(CABLE, |force_n| Self::of_cable(robot, j, force_n))
     }

@@ -1,5 +1,7 @@
 //! The nominal model with effects built in.
 
+use std::borrow::Cow;
+
 use nalgebra::Vector3;
 
 use crate::Result;
@@ -99,7 +101,7 @@ impl Model {
 
     /// The motors' side as an arm's cables have it.
     #[must_use]
-    pub fn motors(&self, arm: &Arm, recorded: &MotorTrack) -> MotorTrack {
+    pub fn motors<'a>(&self, arm: &Arm, recorded: &'a MotorTrack) -> Cow<'a, MotorTrack> {
         wound(&self.motors, arm, recorded)
     }
 

@@ -1,5 +1,7 @@
 //! Where the cameras should see the tip when the motors move as recorded.
 
+use std::borrow::Cow;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::{LinkMotion, Model};
@@ -25,7 +27,7 @@ pub struct TipModel<'a> {
     model: &'a Model,
     links: LinkModel,
     /// As they wind the cables.
-    motors: MotorTrack,
+    motors: Cow<'a, MotorTrack>,
 }
 
 impl<'a> TipModel<'a> {
@@ -33,10 +35,12 @@ impl<'a> TipModel<'a> {
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub fn new(model: &'a Model, recorded: &MotorTrack) -> Result<Self> {
+    pub fn new(model: &'a Model, recorded: &'a MotorTrack) -> Result<Self> {
         let arm = model.robot.arm()?;
-        let wound = model.motors(&arm, recorded);
-        let motors = arm.winding(&wound).into_owned();
+        let motors = match model.motors(&arm, recorded) {
+            Cow::Borrowed(motors) => arm.winding(motors),
+            Cow::Owned(motors) => Cow::Owned(arm.winding(&motors).into_owned()),
+        };
         Ok(Self { model, links: LinkModel::new(arm), motors })
     }
 
@@ -86,8 +90,8 @@ impl<'a> TipModel<'a> {
         let (look, kinematics) = (self.model.view.look(), &self.links.arm().kinematics);
         let seen = |(sight, state): (&Sight, Option<LinkState>)| {
             let state = state?;
-            let rate = kinematics.jacobian(&state.position) * state.rate;
-            look.seen_m(&kinematics.forward(&state.position), &rate, sight.rows)
+            let (tip_m, jacobian) = kinematics.forward_and_jacobian(&state.position);
+            look.seen_m(&tip_m, &(jacobian * state.rate), sight.rows)
         };
         sights.iter().zip(states).map(seen).collect()
     }

@@ -79,6 +79,26 @@ impl LinkDynamics {
         self.inverse(joint, rate, &Vector3::zeros())
     }
 
+    /// Gravity alone, `G(q)` [N m, N m, N]: what holds the links at rest.
+    #[must_use]
+    pub fn gravity(&self, joint: &Vector3<f64>) -> Vector3<f64> {
+        let [r01, r12, r23] = self.rotations(joint);
+        let up_1 = r01.tr_mul(&-self.gravity);
+        let up_2 = r12.tr_mul(&up_1);
+        let up_3 = r23.tr_mul(&up_2);
+        let (about_3, held_kg) = self.sliding(joint[2]);
+        let moment_2 = self.center[1].cross(&up_2) * self.mass[1] + r23 * about_3.cross(&up_3);
+        let moment_1 = self.center[0].cross(&up_1) * self.mass[0] + r12 * moment_2;
+        Vector3::new(moment_1.z, moment_2.z, up_3.z * held_kg)
+    }
+
+    /// First moment about the remote centre [kg m], in frame 3, and mass [kg] of what slides along the third axis.
+    fn sliding(&self, insertion_m: f64) -> (Vector3<f64>, f64) {
+        let z = Vector3::z();
+        let payload = z * (insertion_m + self.kinematics.wrist_offset);
+        ((self.center[2] + z * insertion_m) * self.mass[2] + payload * self.payload_kg, self.mass[2] + self.payload_kg)
+    }
+
     /// Mass matrix `M(q)`, 3x3 [kg m^2, kg m, kg], from the composite inertias about the remote centre.
     #[must_use]
     pub fn mass_matrix(&self, joint: &Vector3<f64>) -> Matrix3<f64> {
@@ -94,12 +114,13 @@ impl LinkDynamics {
         // Joint axes 1 and 2 in frame 2, axis 3 and the first moment of what slides along it likewise.
         let axis_1: Vector3<f64> = r12.row(2).transpose();
         let axis_3: Vector3<f64> = r23.column(2).into();
-        let moment_3 = r23 * (center_3 * self.mass[2] + payload * self.payload_kg);
+        let (first_moment, sliding_kg) = self.sliding(insertion_m);
+        let moment_3 = r23 * first_moment;
         let inertia_1 = about_2 * axis_1;
         let sliding = moment_3.cross(&axis_3);
         let (m11, m12) = (self.fixed.about_center[0][(2, 2)] + axis_1.dot(&inertia_1), inertia_1.z);
         let (m13, m23) = (axis_1.dot(&sliding), sliding.z);
-        Matrix3::new(m11, m12, m13, m12, about_2[(2, 2)], m23, m13, m23, self.mass[2] + self.payload_kg)
+        Matrix3::new(m11, m12, m13, m12, about_2[(2, 2)], m23, m13, m23, sliding_kg)
     }
 
     /// [`Self::mass_matrix`] and [`Self::bias`] in one go.

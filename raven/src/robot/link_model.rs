@@ -165,7 +165,7 @@ impl LinkModel {
         let mut tension = Vector3::zeros();
         for _ in 0..2 {
             let drag = Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j]);
-            let load = self.arm.dynamics.bias(&joint, &Vector3::zeros()) + drag;
+            let load = self.arm.dynamics.gravity(&joint) + drag;
             tension = self.arm.transmission.tension_n(&load);
             let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]));
             joint = rigid - self.arm.transmission.joint_lag(&stretch);
@@ -186,7 +186,7 @@ const HARD_ACCELERATION: f64 = 20.0;
 fn fastest_pole(arm: &Arm) -> f64 {
     let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
     let inertia = arm.dynamics.mass_matrix(&middle);
-    let gravity = arm.dynamics.bias(&middle, &Vector3::zeros());
+    let gravity = arm.dynamics.gravity(&middle);
     (0..3)
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);

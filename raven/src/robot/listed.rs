@@ -42,21 +42,21 @@ pub struct Cables<'a> {
 
 /// What laws make of recorded motors on an arm, whose cables carry its weight and its friction.
 #[must_use]
-pub fn wound(laws: &[MotorLaw], arm: &Arm, recorded: &MotorTrack) -> MotorTrack {
+pub fn wound<'a>(laws: &[MotorLaw], arm: &Arm, recorded: &'a MotorTrack) -> Cow<'a, MotorTrack> {
     let transmission = &arm.transmission;
     let tension_n = |_: f64, motor: &Vector3<f64>, rate: &Vector3<f64>| {
         let way = arm.rubbing(&transmission.joint_rate_from_motor(rate));
         let drag = Vector3::from_fn(|j, _| arm.link_friction[j].coulomb * way[j]);
-        transmission.tension_n(&(arm.dynamics.bias(&transmission.joint_from_motor(motor), &Vector3::zeros()) + drag))
+        transmission.tension_n(&(arm.dynamics.gravity(&transmission.joint_from_motor(motor)) + drag))
     };
     wound_by(laws, &Cables { transmission, stiffness_n: arm.cables.map(|cable| cable.stiffness), tension_n: &tension_n }, recorded)
 }
 
 /// What laws make of recorded motors on cables.
 #[must_use]
-pub fn wound_by(laws: &[MotorLaw], cables: &Cables, recorded: &MotorTrack) -> MotorTrack {
-    let mut track = recorded.clone();
-    laws.iter().for_each(|law| law(cables, &mut track));
+pub fn wound_by<'a>(laws: &[MotorLaw], cables: &Cables, recorded: &'a MotorTrack) -> Cow<'a, MotorTrack> {
+    let mut track = Cow::Borrowed(recorded);
+    laws.iter().for_each(|law| law(cables, track.to_mut()));
     track
 }
 
@@ -68,10 +68,7 @@ impl MotorLaws {
     /// The motors' side as the cables of `arm` have it.
     #[must_use]
     pub fn applied<'a>(&self, arm: &Arm, recorded: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-        if self.0.is_empty() {
-            return Cow::Borrowed(recorded);
-        }
-        Cow::Owned(wound(&self.0, arm, recorded))
+        wound(&self.0, arm, recorded)
     }
 }
 

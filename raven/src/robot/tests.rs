@@ -130,7 +130,7 @@ fn energy_is_conserved_without_friction_and_cables() {
     let mut gravity_work = 0.0;
     let step_s = 1e-5;
     for _ in 0..20_000 {
-        let power = |s: &LinkState| -model.arm().dynamics.bias(&s.position, &Vector3::zeros()).dot(&s.rate);
+        let power = |s: &LinkState| -model.arm().dynamics.gravity(&s.position).dot(&s.rate);
         let start = power(&state);
         state = model.step(&state, &Vector3::zeros(), &Vector3::zeros(), step_s);
         gravity_work += 0.5 * (start + power(&state)) * step_s;
@@ -203,12 +203,13 @@ fn a_wrong_unit_or_key_is_named() {
 
 proptest! {
     #[test]
-    fn mass_matrix_is_what_the_recursion_says_of_unit_accelerations(
+    fn mass_matrix_and_gravity_are_what_the_recursion_says(
         shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in 0.23..0.60_f64, payload in 0.0..0.5_f64, gold: bool,
     ) {
         let dynamics = if gold { nominal() } else { green() }.arm().unwrap().dynamics.with_payload(payload);
         let q = Vector3::new(shoulder, elbow, insertion);
         let rest = dynamics.bias(&q, &Vector3::zeros());
+        prop_assert!((dynamics.gravity(&q) - rest).amax() < 1e-12);
         let mass = dynamics.mass_matrix(&q);
         for j in 0..3 {
             let unit = Vector3::from_fn(|i, _| f64::from(u8::from(i == j)));

@@ -148,7 +148,7 @@ impl Controller {
             self.gain_position.component_mul(&(motor_wanted - read)) + self.gain_rate.component_mul(&(rate_wanted - motor_rate));
         if let Some(gravity) = self.gravity.as_ref().filter(|_| self.compensating) {
             let joint = self.transmission.joint_from_motor(&read);
-            let tension = self.transmission.tension_n(&gravity.bias(&joint, &Vector3::zeros()));
+            let tension = self.transmission.tension_n(&gravity.gravity(&joint));
             torque += tension.component_mul(&self.capstan_m);
         }
         let mut converter = [0; 3];

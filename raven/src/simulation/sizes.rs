@@ -70,7 +70,7 @@ struct Loads {
 impl Loads {
     /// `None` for a cable without stiffness.
     fn of(arm: &Arm, j: usize) -> Option<Self> {
-        let gravity = arm.dynamics.bias(&worked_pose(arm), &Vector3::zeros());
+        let gravity = arm.dynamics.gravity(&worked_pose(arm));
         let tension_n = arm.transmission.tension_n(&gravity)[j].abs();
         let stiffness_n = arm.cables[j].stiffness;
         (stiffness_n > 0.0).then(|| Self { tension_n, stretch_m: 0.5 * tension_n / stiffness_n })

@@ -120,7 +120,7 @@ fn joint_factors(
     vec![
         (Kind::Phase, phase_factor(time_s, rate)),
         (Kind::Speed, rate.iter().map(|r| r.abs() * scale).collect()),
-        (Kind::Load, per_sample(&|m| arm.dynamics.bias(&arm.transmission.joint_from_motor(m), &Vector3::zeros())[j])),
+        (Kind::Load, per_sample(&|m| arm.dynamics.gravity(&arm.transmission.joint_from_motor(m))[j])),
         (Kind::Position, per_sample(&|m| arm.transmission.joint_from_motor(m)[j] * scale)),
         (Kind::Capstan, per_sample(&|m| turn(m[j], joint))),
     ]
