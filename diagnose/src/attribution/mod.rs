@@ -228,9 +228,10 @@ pub fn when_told(
 /// The hypothesis whose effects are named: the most probable with any, where effects that show are more probable together than none. That
 /// their sizes are beyond what sizes scatter by, family-wise, has been asked of them besides.
 fn named<'a>(outcome: &'a Outcome, probabilities: &[(Vec<usize>, f64)]) -> Option<&'a Hypothesis> {
-    let shown: f64 = probabilities.iter().filter(|(effects, _)| !effects.is_empty()).map(|(_, p)| p).sum();
-    let mut fitted = probabilities.iter().filter(|(effects, _)| !effects.is_empty()).filter_map(|(effects, _)| outcome.fitted.get(effects));
-    fitted.next().map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))
+    let with_any = || probabilities.iter().filter(|(effects, _)| !effects.is_empty());
+    let shown: f64 = with_any().map(|(_, p)| p).sum();
+    let fitted = with_any().find_map(|(effects, _)| outcome.fitted.get(effects));
+    fitted.map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))
 }
 
 /// What hypotheses say, without the gap, and the hypothesis that closes it: where the verdict blames no effect, that without.

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::leftover::{ACCOUNTED, Leftover};
+use crate::evidence::leftover::ACCOUNTED;
 use crate::evidence::search::Outcome;
 
 /// The verdict in a word.
@@ -52,7 +52,7 @@ pub(super) struct Judgement {
 
 pub(super) fn judge(fitter: &Fitter, outcome: &Outcome, named: Option<&Hypothesis>) -> Judgement {
     let hypothesis = named.unwrap_or(&outcome.none);
-    let leftover = Leftover::of(&hypothesis.residuals, fitter.rows.tip_rows());
+    let leftover = fitter.leftover(hypothesis);
     let accounted = named.map(|best| fitter.accounted(&outcome.none, best));
     let word = match (accounted, leftover.remains()) {
         (None, false) => Word::None,

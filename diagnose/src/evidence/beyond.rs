@@ -16,9 +16,9 @@ use super::search::Outcome;
 const FALSE_CHANCE: f64 = 0.05;
 
 impl Fitter<'_> {
-    /// Effects of a hypothesis that are not.
-    pub(super) fn lost_in_scatter(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> Vec<usize> {
-        hypothesis.effects.iter().copied().filter(|&effect| !self.is_beyond_scatter(outcome, hypothesis, effect)).collect()
+    /// The first effect of a hypothesis that is not.
+    pub(super) fn lost_in_scatter(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> Option<usize> {
+        hypothesis.effects.iter().copied().find(|&effect| !self.is_beyond_scatter(outcome, hypothesis, effect))
     }
 
     fn is_beyond_scatter(&self, outcome: &Outcome, hypothesis: &Hypothesis, effect: usize) -> bool {

@@ -73,6 +73,12 @@ fn inflation(components: &[Vec<f64>], lengths: &[usize]) -> f64 {
 }
 
 impl Fitter<'_> {
+    /// What a hypothesis leaves.
+    #[must_use]
+    pub fn leftover(&self, hypothesis: &Hypothesis) -> Leftover {
+        Leftover::of(&hypothesis.residuals, self.rows.tip_rows())
+    }
+
     /// Part of what `none` leaves beyond noise, and strains its tolerances by, that a hypothesis accounts for.
     #[must_use]
     pub fn accounted(&self, none: &Hypothesis, hypothesis: &Hypothesis) -> f64 {

@@ -10,7 +10,7 @@ use raven::Result;
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Following, Hypothesis};
-use super::leftover::{ACCOUNTED, Leftover};
+use super::leftover::ACCOUNTED;
 use super::search::Outcome;
 
 /// Effects that are fitted again: the best so far.
@@ -25,7 +25,7 @@ const CLOSELY: usize = 2;
 impl Fitter<'_> {
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
-        if !Leftover::of(&outcome.best.residuals, self.rows.tip_rows()).remains() {
+        if !self.leftover(&outcome.best).remains() {
             return Ok(false);
         }
         if self.accounted(&outcome.none, &outcome.best) < ACCOUNTED {
@@ -38,7 +38,7 @@ impl Fitter<'_> {
             let freed = Hypothesis { effects: vec![effect], ..none.clone() };
             other |= self.closely(outcome, &[freed])?;
         }
-        if Leftover::of(&outcome.best.residuals, self.rows.tip_rows()).remains() {
+        if self.leftover(&outcome.best).remains() {
             let best = outcome.best.clone();
             let slack = |&effect: &usize| (effect, self.coordinates.of(effect).map(|c| best.u[c]).collect::<Vec<f64>>());
             let slacks = best.effects.iter().filter(|&&effect| self.is_loose(effect)).map(slack);

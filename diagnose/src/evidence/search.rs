@@ -161,13 +161,13 @@ impl Fitter<'_> {
             }
             if round == 1 {
                 best = self.freed(outcome, best)?;
-                if !Leftover::of(&outcome.none.residuals, self.rows.tip_rows()).remains() {
+                if !self.leftover(&outcome.none).remains() {
                     best = self.beside_none(outcome, best)?;
                 }
             }
             each();
             // What is lost in scatter will not be named, whatever stands in for the others.
-            if round > 1 && self.better(outcome, &best, &outcome.best) && self.lost_in_scatter(outcome, &best).is_empty() {
+            if round > 1 && self.better(outcome, &best, &outcome.best) && self.lost_in_scatter(outcome, &best).is_none() {
                 best = self.reopened(outcome, best)?;
                 each();
             }
@@ -183,7 +183,7 @@ impl Fitter<'_> {
     pub(super) fn add_and_shed(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
         self.add_effects(outcome, nominal, &mut each)?;
         let added = outcome.best.effects.len();
-        while let Some(&lost) = self.lost_in_scatter(outcome, &outcome.best).first().filter(|_| outcome.best.effects.len() > 1) {
+        while let Some(lost) = self.lost_in_scatter(outcome, &outcome.best).filter(|_| outcome.best.effects.len() > 1) {
             let best = outcome.best.clone();
             let Some(rest) = self.fit(&best.all_but(lost), &self.without(lost, &best.u), Some(&best))? else { break };
             outcome.keep(&rest);

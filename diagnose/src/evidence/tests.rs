@@ -46,7 +46,7 @@ impl Seen {
         let point = fitter.at_nominal().unwrap().unwrap();
         let candidate = fitter.screen(&point, 0.0).unwrap().remove(0);
         let found = fitter.fit(&candidate.effects, &candidate.start, None).unwrap().unwrap();
-        (fitter.lost_in_scatter(&outcome, &found).is_empty(), found.u[0].abs() / fitter.deviations(&found)[0])
+        (fitter.lost_in_scatter(&outcome, &found).is_none(), found.u[0].abs() / fitter.deviations(&found)[0])
     }
 }
 

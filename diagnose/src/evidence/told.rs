@@ -3,7 +3,6 @@
 use raven::Result;
 
 use super::fit::{Fitter, Hypothesis};
-use super::leftover::Leftover;
 
 impl Fitter<'_> {
     /// Fits named effects, one after the other and at last together, and tells what each of them gains beside the others, at least [nat];
@@ -19,18 +18,27 @@ impl Fitter<'_> {
             let Some(hypothesis) = self.fit(&candidate.effects, &candidate.start, Some(&point))? else { return Ok(None) };
             point = hypothesis;
         }
-        let leftover = Leftover::of(&point.residuals, self.rows.tip_rows());
-        let mut gain = f64::INFINITY;
-        for left_out in &point.effects {
-            let others = point.all_but(*left_out);
+        let mut without_one = Vec::new();
+        for left_out in point.effects.clone() {
+            let others = point.all_but(left_out);
             let without = if others.is_empty() {
                 none.clone()
             } else {
-                let Some(without) = self.fit(&others, &self.without(*left_out, &point.u), Some(&point))? else { return Ok(None) };
+                let Some(without) = self.fit(&others, &self.without(left_out, &point.u), Some(&point))? else { return Ok(None) };
                 without
             };
-            gain = gain.min(self.tempered(&point, &leftover) - self.tempered(&without, &leftover));
+            // With one more effect it can do no worse: where it got lost on the way it starts again from there.
+            if without.evidence > point.evidence {
+                let mut start = without.u.clone();
+                self.coordinates.of(left_out).for_each(|c| start[c] = point.u[c]);
+                let again = self.fit(&point.effects, &start, Some(&without))?;
+                point = again.filter(|again| again.evidence > point.evidence).unwrap_or(point);
+            }
+            without_one.push(without);
         }
+        let leftover = self.leftover(&point);
+        let gain = without_one.iter().map(|without| self.tempered(&point, &leftover) - self.tempered(without, &leftover));
+        let gain = gain.fold(f64::INFINITY, f64::min);
         Ok(Some((point, gain)))
     }
 }

@@ -6,7 +6,6 @@
 use std::collections::BTreeMap;
 
 use super::fit::{Fitter, Hypothesis};
-use super::leftover::Leftover;
 use super::paired;
 use super::prior;
 use super::search::Outcome;
@@ -24,7 +23,7 @@ impl Fitter<'_> {
             return false;
         }
         let richer = if other.effects.len() > one.effects.len() { other } else { one };
-        let leftover = Leftover::of(&richer.residuals, self.rows.tip_rows());
+        let leftover = self.leftover(richer);
         let score = |h: &Hypothesis| self.tempered(h, &leftover) + prior::log(h.effects.len(), self.coordinates.sited.len());
         score(one) > score(other)
     }
@@ -52,14 +51,14 @@ impl Fitter<'_> {
 
     /// Judges all hypotheses alike: what the best of them leaves counts as noise.
     pub(super) fn temper(&self, outcome: &mut Outcome) {
-        outcome.leftover = Leftover::of(&outcome.best.residuals, self.rows.tip_rows());
+        outcome.leftover = self.leftover(&outcome.best);
         let before = outcome.fitted.values().map(|(h, _)| h.evidence).fold(f64::NEG_INFINITY, f64::max);
         outcome.fitted.values_mut().for_each(|(h, evidence)| *evidence = self.tempered(h, &outcome.leftover));
         let after = outcome.fitted.values().map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
         let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
-        let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || !self.lost_in_scatter(outcome, h).is_empty();
+        let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || self.lost_in_scatter(outcome, h).is_some();
         let gone: BTreeMap<Vec<usize>, f64> =
             outcome.fitted.values().filter(|(h, _)| spurious(h)).map(|(h, evidence)| (h.effects.clone(), *evidence)).collect();
         outcome.fitted.retain(|effects, _| !gone.contains_key(effects));
