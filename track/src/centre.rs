@@ -13,14 +13,14 @@
 //!
 //! How much a pixel weighs in the first fit is set for a webcam's frames. The next sees from the residuals of the first how much noise there
 //! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
-//! `refine`.
+//! `refine`. A refined fit tries the light of one lamp besides (see [`Shade`]), which nine coefficients only follow.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use crate::correlated::{Influence, centre_variance_px2};
-use crate::model::Model;
+use crate::model::{Model, Shade};
 use crate::normal::{Normal, Sums};
 use crate::patch::{CHROMA, LANES, LUMA, Patch};
 use crate::refine::{Residual, refined};
@@ -49,6 +49,11 @@ const HUBER: f64 = 1.5;
 /// linear response, and with grey levels of gamma 2.2, which most webcams send, they shift towards the light by 0.07 to 0.11 px, whatever
 /// their size. All cameras that see the ball from one side err alike.
 pub const RESPONSE_STD_PX: f64 = 0.07;
+/// How often a refined fit takes new weights: they settle after two or three times. Before which of them it looks for a lamp.
+const REFINED: usize = 5;
+const LAMP_AT: usize = 3;
+/// Standard deviation of a lamp's light over the mean brightness; what else harmonics follow is not there.
+const LAMP_STD: [f64; 2] = [2.0, 1e-6];
 const ITERATIONS: usize = 15;
 /// Steps smaller than this end a fit that only gives weights [px].
 const ROUGH_PX: f64 = 0.02;
@@ -95,12 +100,22 @@ impl Default for Weights {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settled {
     pub(crate) x: Vector,
+    pub(crate) shade: Shade,
+    /// Weighted squares of the residuals.
+    square: f64,
     covariance: Matrix,
     /// How many of the unknowns the pixels determined, not the prior.
     determined: f64,
 }
 
 impl Settled {
+    /// Whether it says as much of a patch as another fit with the same weights, but for what each unknown more explains by chance, and has
+    /// fewer unknowns: compression makes what looks like a little light from somewhere.
+    fn is_simpler_than(&self, other: &Self) -> bool {
+        let fewer = other.determined - self.determined;
+        fewer > 0.0 && self.square - other.square < fewer
+    }
+
     /// Variances of the unknowns, neighbours taken to err independently.
     pub(crate) fn variance(&self) -> Vector {
         self.covariance.diagonal()
@@ -114,25 +129,39 @@ impl Settled {
     }
 }
 
-/// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius, and again with the weights that each fit
-/// gives to the next, so many times.
+/// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius, and once more with the weights that the
+/// fit gives; `refine` until these settle, and under the light of one lamp where that says as much with fewer unknowns.
 ///
 /// `None` where the fit does not settle near its start: what is there is no ball.
 #[must_use]
-pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, again: usize) -> Option<Ball> {
+pub fn fit(patch: &Patch, start_px: Vector2<f64>, radius_px: f64, refine: bool) -> Option<Ball> {
     let start = Start { centre_px: start_px, radius_px, chroma: patch.chroma };
     // The first only gives weights and a place to go on from: every other pixel, as on a chessboard, tells enough.
     let mut weights = Weights::default();
     let mut weighed = patch.chessboard();
-    let mut fitted = start.settle(&weighed, &weights, None)?;
-    for _ in 0..again {
+    let mut fitted = start.settle(&weighed, &weights, Shade::Harmonics, None)?;
+    for pass in 1..=if refine { REFINED } else { 1 } {
+        if pass == LAMP_AT {
+            let lit = start.settle(&weighed, &weights, Shade::Lamp, Some(under_lamp(&fitted.x)));
+            fitted = lit.filter(|lit| lit.is_simpler_than(&fitted)).unwrap_or(fitted);
+        }
         let (patch, refined) = refined(patch, &fitted);
-        if let Some(better) = start.settle(&patch, &refined, Some(fitted.x)) {
+        if let Some(better) = start.settle(&patch, &refined, fitted.shade, Some(fitted.x)) {
             (fitted, weighed, weights) = (better, patch, refined);
         }
     }
     let std_px = fitted.noise_px(&weighed, &weights).hypot(RESPONSE_STD_PX);
     Some(Ball { centre_px: fitted.x.fixed_rows::<2>(0).into(), std_px, radius_px: fitted.x[2] })
+}
+
+/// The light of one lamp that harmonics of the first order follow: of `a + max(0, n . l)` they are `a + |l| / 4 + n . l / 2`.
+fn under_lamp(x: &Vector) -> Vector {
+    let mut lit = *x;
+    lit.fixed_rows_mut::<5>(BRIGHTNESS + 4).fill(0.0);
+    let lamp = x.fixed_rows::<3>(BRIGHTNESS + 1) * 2.0;
+    lit.fixed_rows_mut::<3>(BRIGHTNESS + 1).copy_from(&lamp);
+    lit[BRIGHTNESS] -= 0.25 * lamp.norm();
+    lit
 }
 
 /// Where a fit begins, and what it may not leave far.
@@ -144,19 +173,19 @@ struct Start {
 
 impl Start {
     /// From where another fit has settled, or roughly from the start.
-    fn settle(&self, patch: &Patch, weights: &Weights, from: Option<Vector>) -> Option<Settled> {
+    fn settle(&self, patch: &Patch, weights: &Weights, shade: Shade, from: Option<Vector>) -> Option<Settled> {
         let mut prior = Vector::zeros();
         prior.fixed_rows_mut::<3>(0).copy_from_slice(&[self.centre_px.x, self.centre_px.y, self.radius_px]);
         prior.fixed_rows_mut::<2>(BLUR).copy_from_slice(&BLUR_PX);
         prior[BRIGHTNESS] = self.chroma;
-        let [first, second] = weights.shade.map(|share| (share * self.chroma).powi(-2));
+        let [first, second] = if shade == Shade::Lamp { LAMP_STD } else { weights.shade }.map(|share| (share * self.chroma).powi(-2));
         let e = ELONGATION_STD.powi(-2);
         let w = BLUR_STD_PX.powi(-2);
         let stiffness = Vector::from([0.0, 0.0, 0.0, e, e, w, w, 0.0, first, first, first, second, second, second, second, second]);
 
         let mut x = from.unwrap_or(prior);
         for _ in 0..ITERATIONS {
-            let normal = dispatch!(*LEVEL, simd => normal_of(simd, &x, patch, weights));
+            let normal = dispatch!(*LEVEL, simd => normal_of(simd, &x, shade, patch, weights));
             let (step, factors) = normal.solve(&stiffness, &(prior - x))?;
             let largest = step.fixed_rows::<3>(0).amax();
             x += step * (2.0 / largest).min(1.0);
@@ -172,7 +201,7 @@ impl Start {
                 let std_px = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
                 if from.is_none() || largest < FINE_PX.max(FINE * std_px) {
                     let determined = SIZE as f64 - stiffness.dot(&covariance.diagonal());
-                    return Some(Settled { x, covariance, determined });
+                    return Some(Settled { x, shade, square: normal.square, covariance, determined });
                 }
             }
         }
@@ -181,15 +210,15 @@ impl Start {
 }
 
 /// Residuals of all pixels that tell something of the ball in chroma and in luma.
-pub(crate) fn residuals(patch: &Patch, x: &Vector) -> Vec<Residual> {
+pub(crate) fn residuals(patch: &Patch, settled: &Settled) -> Vec<Residual> {
     let mut residuals = Vec::with_capacity(LANES * patch.blocks.len());
-    dispatch!(*LEVEL, simd => add_residuals(simd, &mut residuals, patch, x));
+    dispatch!(*LEVEL, simd => add_residuals(simd, &mut residuals, patch, settled));
     residuals
 }
 
 #[inline(always)]
-fn add_residuals<S: Simd>(simd: S, residuals: &mut Vec<Residual>, patch: &Patch, x: &Vector) {
-    let model = Model::new(simd, x, patch);
+fn add_residuals<S: Simd>(simd: S, residuals: &mut Vec<Residual>, patch: &Patch, settled: &Settled) {
+    let model = Model::new(simd, &settled.x, settled.shade, patch);
     for block in &patch.blocks {
         let place = model.place(block);
         let told = [model.tell(block, &place, CHROMA), model.tell(block, &place, LUMA)];
@@ -198,8 +227,8 @@ fn add_residuals<S: Simd>(simd: S, residuals: &mut Vec<Residual>, patch: &Patch,
 }
 
 #[inline(always)]
-fn normal_of<S: Simd>(simd: S, x: &Vector, patch: &Patch, weights: &Weights) -> Normal {
-    let model = Model::new(simd, x, patch);
+fn normal_of<S: Simd>(simd: S, x: &Vector, shade: Shade, patch: &Patch, weights: &Weights) -> Normal {
+    let model = Model::new(simd, x, shade, patch);
     let mut sums = Sums::zero(simd);
     for block in &patch.blocks {
         let place = model.place(block);
@@ -213,7 +242,7 @@ fn normal_of<S: Simd>(simd: S, x: &Vector, patch: &Patch, weights: &Weights) -> 
 
 #[inline(always)]
 fn add_influences<S: Simd>(simd: S, influences: &mut [Vec<Influence>; 2], settled: &Settled, patch: &Patch, weights: &Weights) {
-    let model = Model::new(simd, &settled.x, patch);
+    let model = Model::new(simd, &settled.x, settled.shade, patch);
     for block in &patch.blocks {
         let place = model.place(block);
         for (k, influences) in influences.iter_mut().enumerate() {

@@ -118,7 +118,7 @@ pub struct Track {
     /// Which centre to take: of a ball fitted to the colours, or of the contour.
     #[arg(long, value_enum, default_value_t = Centre::Ball)]
     pub centre: Centre,
-    /// Fit every ball until the weights of its pixels settle: slower, a little better.
+    /// Fit every ball until the weights of its pixels settle, under one lamp where there is one: slower, better on raw frames.
     #[arg(long, conflicts_with = "centre")]
     pub refine: bool,
     /// Standard deviation of the frames' stamps [s], which are then taken as they are; by default the cameras' steady pace is found behind

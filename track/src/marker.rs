@@ -97,8 +97,6 @@ pub struct Blob {
 /// Standard deviation per axis of a contour's centroid [px]. On rendered balls 0.12 px under even light and 0.19 px with JPEG
 /// compression; 0.20 to 0.33 px under light from one side, which shifts the contour.
 pub const CONTOUR_STD_PX: f64 = 0.30;
-/// How often a refined fit takes new weights: they settle after two or three times.
-const REFINED: usize = 4;
 /// Fewest pixels that a ball is fitted to: a radius of 3 px.
 const FEWEST_PX: f64 = 28.0;
 
@@ -133,9 +131,8 @@ impl<'i> Blobs<'i> {
         if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
             return contour;
         }
-        let again = if kind == Centre::Refined { REFINED } else { 1 };
         let patch = Patch::cut(self.image, self.region, &self.mask, blob.bounds);
-        patch.and_then(|patch| centre::fit(&patch, blob.contour_px, disc_px, again)).unwrap_or(contour)
+        patch.and_then(|patch| centre::fit(&patch, blob.contour_px, disc_px, kind == Centre::Refined)).unwrap_or(contour)
     }
 }
 

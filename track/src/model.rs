@@ -17,9 +17,19 @@ const NORMAL: [f32; 2] = [1.5976, 0.070_565_99];
 /// Height of the normal density.
 const DENSITY: f32 = 0.398_942_3;
 
+/// How bright a ball is by its surface normal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shade {
+    /// Spherical harmonics up to the second order, which follow a matt sphere in any light.
+    Harmonics,
+    /// `a + max(0, n . l)`: a matt sphere in even light and that of one lamp. Where its light ends there is an edge, which harmonics miss.
+    Lamp,
+}
+
 /// A ball with given unknowns.
 pub(crate) struct Model<S> {
     simd: S,
+    shade: Shade,
     x: [f32; SIZE],
     /// Brightness of chroma and of luma over that of chroma.
     gain: [f32; 2],
@@ -55,11 +65,11 @@ pub(crate) struct Told<S: Simd> {
 impl<S: Simd> Model<S> {
     /// For pixels of `patch`.
     #[inline(always)]
-    pub(crate) fn new(simd: S, x: &Vector, patch: &Patch) -> Self {
+    pub(crate) fn new(simd: S, x: &Vector, shade: Shade, patch: &Patch) -> Self {
         let mut from_corner = *x;
         from_corner[0] -= f64::from(patch.corner[0]);
         from_corner[1] -= f64::from(patch.corner[1]);
-        Self { simd, x: std::array::from_fn(|i| from_corner[i] as f32), gain: [1.0, patch.luma_per_chroma as f32] }
+        Self { simd, shade, x: std::array::from_fn(|i| from_corner[i] as f32), gain: [1.0, patch.luma_per_chroma as f32] }
     }
 
     #[inline(always)]
@@ -81,19 +91,14 @@ impl<S: Simd> Model<S> {
         let t = place.distance / blur;
         let tells = t.simd_le(OUTSIDE);
         let t = t.max(INSIDE).min(OUTSIDE);
-        let share = 1.0 / (exp(t * (t * t * NORMAL[1] + NORMAL[0])) + 1.0);
+        let share = normal(t);
         // Blur brings the marker's light to a pixel from within the outline: the mean of the distances below 0.
         let within = (t - exp(t * t * -0.5) * DENSITY / share) * blur;
-        // The ball's surface normal there, and its products: spherical harmonics up to the second order.
+        // The ball's surface normal there.
         let inwards = (within + radius).max(0.0) / (place.from_centre * radius);
         let (nx, ny) = (place.dx * inwards, place.dy * inwards);
         let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
-        let one = f32x16::splat(self.simd, 1.0);
-        let harmonics = [one, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, nz * nz * 3.0 - 1.0];
-        let mut brightness = f32x16::splat(self.simd, 0.0);
-        for (harmonic, coefficient) in harmonics.iter().zip(&self.x[BRIGHTNESS..]) {
-            brightness += *harmonic * *coefficient;
-        }
+        let (terms, brightness) = self.brightness([nx, ny, nz], blur);
         let bright = brightness * gain;
         let contrast = bright - background;
         let slope = share * (1.0 - share) * (t * t * (3.0 * NORMAL[1]) + NORMAL[0]) / blur * contrast;
@@ -103,10 +108,34 @@ impl<S: Simd> Model<S> {
             *row = slope * *nearer;
         }
         rows[BLUR + k] = slope * t;
-        for (row, harmonic) in rows[BRIGHTNESS..].iter_mut().zip(&harmonics) {
-            *row = share * gain * *harmonic;
+        for (row, term) in rows[BRIGHTNESS..].iter_mut().zip(&terms) {
+            *row = share * gain * *term;
         }
         Told { miss: colour - background - share * contrast, share, contrast, bright, tells, rows }
+    }
+
+    /// Brightness at a surface normal, and its derivatives by its coefficients.
+    #[inline(always)]
+    fn brightness(&self, [nx, ny, nz]: [f32x16<S>; 3], blur: f32) -> ([f32x16<S>; SIZE - BRIGHTNESS], f32x16<S>) {
+        let [zero, one] = [0.0, 1.0].map(|value| f32x16::splat(self.simd, value));
+        let coefficients = &self.x[BRIGHTNESS..];
+        match self.shade {
+            Shade::Harmonics => {
+                let terms = [one, nx, ny, nz, nx * ny, nx * nz, ny * nz, nx * nx - ny * ny, nz * nz * 3.0 - 1.0];
+                let sum = terms.iter().zip(coefficients).fold(zero, |sum, (term, coefficient)| sum + *term * *coefficient);
+                (terms, sum)
+            }
+            Shade::Lamp => {
+                let [even, lx, ly, lz] = [coefficients[0], coefficients[1], coefficients[2], coefficients[3]];
+                let lamp = nx * lx + ny * ly + nz * lz;
+                // The mean of `max(0, n . l)` where blur makes `n . l` normal.
+                let spread = ((lx * lx + ly * ly + lz * lz).sqrt() * blur / self.x[2]).max(1e-6);
+                let t = (lamp / spread).max(INSIDE).min(-INSIDE);
+                let lit = normal(-t);
+                let terms = [one, lit * nx, lit * ny, lit * nz, zero, zero, zero, zero, zero];
+                (terms, lamp * lit + exp(t * t * -0.5) * (DENSITY * spread) + even)
+            }
+        }
     }
 }
 
@@ -123,6 +152,12 @@ impl<S: Simd> Told<S> {
         let weight = (variance.sqrt() * weights.huber as f32 / self.miss.abs().max(1e-9)).min(1.0) / variance;
         self.tells.select(weight, f32x16::splat(simd, 0.0))
     }
+}
+
+/// The normal distribution beyond `t`, within 8.
+#[inline(always)]
+fn normal<S: Simd>(t: f32x16<S>) -> f32x16<S> {
+    1.0 / (exp(t * (t * t * NORMAL[1] + NORMAL[0])) + 1.0)
 }
 
 /// `e^x` to 2e-7 of it for `|x|` below 87, by a power of two and a Taylor series.

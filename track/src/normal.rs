@@ -13,23 +13,26 @@ pub(crate) struct Sums<S: Simd> {
     /// Upper triangle.
     matrix: [[f32x16<S>; SIZE]; SIZE],
     vector: [f32x16<S>; SIZE],
+    square: f32x16<S>,
 }
 
-/// `J' W J` and `J' W miss`.
+/// `J' W J`, `J' W miss` and `miss' W miss`.
 pub(crate) struct Normal {
     matrix: Matrix,
     vector: Vector,
+    pub(crate) square: f64,
 }
 
 impl<S: Simd> Sums<S> {
     #[inline(always)]
     pub(crate) fn zero(simd: S) -> Self {
         let zero = f32x16::splat(simd, 0.0);
-        Self { matrix: [[zero; SIZE]; SIZE], vector: [zero; SIZE] }
+        Self { matrix: [[zero; SIZE]; SIZE], vector: [zero; SIZE], square: zero }
     }
 
     #[inline(always)]
     pub(crate) fn add(&mut self, told: &Told<S>, weights: f32x16<S>) {
+        self.square = (told.miss * weights).mul_add(told.miss, self.square);
         for i in 0..SIZE {
             let weighted = told.rows[i] * weights;
             self.vector[i] = weighted.mul_add(told.miss, self.vector[i]);
@@ -42,7 +45,8 @@ impl<S: Simd> Sums<S> {
     #[inline(always)]
     pub(crate) fn over_lanes(&self) -> Normal {
         let matrix = Matrix::from_fn(|i, j| f64::from(self.matrix[i.min(j)][i.max(j)].reduce_sum()));
-        Normal { matrix, vector: Vector::from_fn(|i, _| f64::from(self.vector[i].reduce_sum())) }
+        let vector = Vector::from_fn(|i, _| f64::from(self.vector[i].reduce_sum()));
+        Normal { matrix, vector, square: f64::from(self.square.reduce_sum()) }
     }
 }
 

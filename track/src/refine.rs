@@ -54,12 +54,12 @@ impl Residual {
 
 /// The patch with luma freed of what it has in common with chroma, and the weights.
 pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
-    let all: Vec<Residual> = residuals(patch, &first.x);
+    let all: Vec<Residual> = residuals(patch, first);
     let common = |of: fn(&Residual) -> f64| robust_mean(all.iter().filter(|r| r.is_away()).map(of));
     let chroma2 = common(|r| r.of[0].miss.powi(2)).max(ROUNDING * ROUNDING);
     let slope = common(|r| r.of[0].miss * r.of[1].miss) / chroma2;
     let patch = patch.without_common(slope);
-    let all: Vec<Residual> = residuals(&patch, &first.x);
+    let all: Vec<Residual> = residuals(&patch, first);
     let mut weights = Weights { huber: HUBER, ..Weights::default() };
     for k in 0..2 {
         let square = |seen: &Seen| seen.miss * seen.miss;
