@@ -2,8 +2,8 @@
 //!
 //! Evidence takes rows to err independently, and promises too much where they do not. A size is held against none, family-wise over the
 //! library and over what the effect was looked for with (Bonferroni). Without the effect a shape says nothing: a size counts as it scatters at
-//! the shape that was found. An effect that has a shape alone is held against the hypothesis without it, by the root of twice the ratio of
-//! their likelihoods (Wilks 1938), as far as blocks of time allow.
+//! the shape that was found. An effect that has a shape alone, or lets a joint float so that slopes say nothing of it, is held against the
+//! hypothesis without it, by the root of twice the ratio of their likelihoods (Wilks 1938), as far as blocks of time allow.
 
 use nalgebra::DVector;
 use raven::stats::normal_quantile;
@@ -29,23 +29,22 @@ impl Fitter<'_> {
         let sizes: Vec<usize> = own.iter().copied().filter(|&k| self.scale(free[k]).is_size()).collect();
         let shaped = own.len() > sizes.len();
         let beyond = |looks: usize| normal_quantile(1.0 - 0.5 * FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64);
-        match (sizes.is_empty(), shaped) {
-            (true, false) => true,
-            (true, true) => {
-                let without = outcome.fitted.get(&hypothesis.all_but(effect));
-                let ratio = |(without, _): &(Hypothesis, f64)| self.likelihood_ratio(hypothesis, without);
-                without.is_none_or(|without| (2.0 * ratio(without)).max(0.0).sqrt() > beyond(self.shapes_looked_at(effect)))
+        if sizes.is_empty() || self.is_loose(effect) {
+            if let Some((without, _)) = outcome.fitted.get(&hypothesis.all_but(effect)) {
+                let ratio = self.likelihood_ratio(hypothesis, without);
+                return own.is_empty() || (2.0 * ratio).max(0.0).sqrt() > beyond(self.shapes_looked_at(effect));
             }
-            (false, _) => {
-                let kept: Vec<usize> = sizes.iter().chain(&others).copied().collect();
-                let columns: Vec<&[f64]> = kept.iter().map(|&k| hypothesis.columns[k].as_slice()).collect();
-                let coordinates: Vec<usize> = kept.iter().map(|&k| free[k]).collect();
-                let precision: DVector<f64> = self.precision(&coordinates, &hypothesis.effects);
-                let beyond = beyond(if shaped { self.shapes_looked_at(effect) } else { sizes.len() });
-                let scatter = self.scatter(&columns, &hypothesis.residuals, &precision).unwrap_or_default();
-                sizes.iter().zip(scatter).any(|(&k, deviation)| hypothesis.u[free[k]].abs() > beyond * deviation)
+            if sizes.is_empty() {
+                return true;
             }
         }
+        let kept: Vec<usize> = sizes.iter().chain(&others).copied().collect();
+        let columns: Vec<&[f64]> = kept.iter().map(|&k| hypothesis.columns[k].as_slice()).collect();
+        let coordinates: Vec<usize> = kept.iter().map(|&k| free[k]).collect();
+        let precision: DVector<f64> = self.precision(&coordinates, &hypothesis.effects);
+        let beyond = beyond(if shaped { self.shapes_looked_at(effect) } else { sizes.len() });
+        let scatter = self.scatter(&columns, &hypothesis.residuals, &precision).unwrap_or_default();
+        sizes.iter().zip(scatter).any(|(&k, deviation)| hypothesis.u[free[k]].abs() > beyond * deviation)
     }
 
     /// How much likelier a hypothesis is than a poorer one at their best [nat]: by the recordings, as far as blocks of time allow, and by what the

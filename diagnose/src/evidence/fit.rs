@@ -219,6 +219,7 @@ impl Fitter<'_> {
             Following::RolledOut => (Links::RolledOut, CLOSE_STEPS_MAX),
         };
         let mut damping = DAMPING[0];
+        let mut holds = following == Following::Held;
         let mut information = DMatrix::zeros(0, 0);
         for _ in 0..steps {
             let stale = |&k: &usize| columns[k].as_ref().is_none_or(|(_, at)| (u[free[k]] - at).abs() > if own(k) { 0.0 } else { MOVED });
@@ -236,7 +237,7 @@ impl Fitter<'_> {
             let at = DVector::from_iterator(free.len(), free.iter().map(|&c| u[c]));
             let mut gradient = score - precision.component_mul(&at);
             let mut curvature = &information + DMatrix::from_diagonal(&precision);
-            if following == Following::Held {
+            if holds {
                 for k in (0..free.len()).filter(|&k| of_joints(k)) {
                     gradient[k] = 0.0;
                     curvature.row_mut(k).fill(0.0);
@@ -263,7 +264,11 @@ impl Fitter<'_> {
                 damping *= 30.0;
             }
             if before - value < PROMISE_MIN.max(PART_MIN * value) {
-                break;
+                // Slopes of settled links may promise what no step keeps, and keep the others from what they promise.
+                if holds || damping < DAMPING[1] || !(0..free.len()).any(of_joints) {
+                    break;
+                }
+                (holds, damping) = (true, DAMPING[0]);
             }
         }
         let Some((evidence, covariance)) = evidence(&information, &precision, value) else { return Ok(None) };

@@ -110,3 +110,61 @@ fn a_shape_that_nothing_is_known_of_is_no_effect() {
         assert_eq!(stiffened.is_beyond_scatter().0, is_there, "moved by {moved}");
     }
 }
+
+/// Tips that see a hard stop of the shoulder, and an elbow that settled links follow softly while rolled-out ones stick.
+struct Sticking {
+    robot: Robot,
+}
+
+impl Sticking {
+    fn number(sited: &Sited) -> Option<usize> {
+        match (sited.effect.id, sited.place.first) {
+            ("joint-offset", 0) => Some(0),
+            ("cable-stretch", 1) => Some(1),
+            _ => None,
+        }
+    }
+}
+
+impl Observed for Sticking {
+    fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    fn tip_rows(&self) -> usize {
+        ROWS
+    }
+
+    fn torque_rows(&self) -> usize {
+        0
+    }
+
+    fn has_cameras(&self) -> bool {
+        true
+    }
+
+    fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
+        Self::number(sited).is_none().then_some("it is not there")
+    }
+
+    fn residuals(&self, settings: &[Setting], links: Links, _: &[Channel]) -> Result<Vec<f64>> {
+        let mut u = [0.0; 2];
+        settings.iter().for_each(|(sited, values)| Self::number(sited).into_iter().for_each(|n| u[n] = values[0]));
+        let [offset, soft] = u;
+        let missed = [1.0 - offset, if links == Links::RolledOut { 0.5 + 100.0 * soft.abs() } else { 0.5 - soft }];
+        let row = |k: usize| SEEN * std::f64::consts::SQRT_2 * (missed[0] * (k as f64).sin() + missed[1] * (k as f64).cos());
+        Ok((0..ROWS).map(row).collect())
+    }
+}
+
+#[test]
+fn a_joint_that_does_not_do_what_slopes_promise_does_not_keep_others_from_theirs() {
+    let rows = Sticking { robot: nominal::gold() };
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
+    let effect = |n: usize| (0..2).find(|&effect| Sticking::number(&coordinates.sited[effect]) == Some(n)).unwrap();
+    let fitted = fitter.fit(&[effect(1)], &fitter.nowhere(), None).unwrap().unwrap();
+    let [offset, soft] = [0, 1].map(|n| fitted.u[coordinates.sizes(effect(n)).next().unwrap()]);
+    // The hard stop is known to a tolerance.
+    assert!(offset > 0.8 && soft.abs() < 1e-3, "{offset} {soft}");
+}
