@@ -242,10 +242,10 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     let too_small = unknown::with_unseen(&mut probabilities, &parts_unseen, fitter.coordinates.sited.len());
     let named = named(outcome, &probabilities);
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
-    let probability_outside = unknown::with_outside(&mut probabilities, word);
+    let blamed = named.filter(|_| word != Word::Unexplained);
+    let probability_outside = unknown::with_outside(&mut probabilities, word, blamed.map_or(0, |best| best.effects.len()));
     let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
     let mut effects = Vec::new();
-    let blamed = named.filter(|_| word != Word::Unexplained);
     if let Some(best) = blamed {
         for &effect in &best.effects {
             let ties = ties::ties(fitter, outcome, best, effect);

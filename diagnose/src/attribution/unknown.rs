@@ -27,9 +27,9 @@ pub(super) fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], parts_unseen:
     unseen / sum
 }
 
-/// Makes room for causes that are not in the library; returns their probability.
-pub(super) fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word) -> f64 {
-    let outside = if verdict.remains() { prior::OUTSIDE_IF_REMAINS } else { 0.0 };
+/// Makes room for causes that are not in the library, where so many effects are `blamed`; returns their probability.
+pub(super) fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word, blamed: usize) -> f64 {
+    let outside = prior::outside(blamed, verdict.remains());
     probabilities.iter_mut().for_each(|(_, p)| *p *= 1.0 - outside);
     outside
 }
@@ -52,6 +52,7 @@ mod tests {
         let mut probabilities = prior::probabilities([(vec![], 0.0), (vec![0], 20.0)].into_iter(), 80);
         with_unseen(&mut probabilities, &BTreeMap::from([(0, 0.3)]), 80);
         assert!(probabilities[0].0 == [0] && probabilities[0].1 > 0.999_99, "{probabilities:?}");
-        assert_eq!(with_outside(&mut probabilities, Word::Explained), 0.0);
+        assert!(with_outside(&mut probabilities, Word::Explained, 1) < 0.05);
+        assert!(probabilities[0].1 > 0.95);
     }
 }

@@ -7,6 +7,9 @@ use super::{Attribution, Blamed, Candidate, Closure, Estimate, Word};
 /// Ties, candidates and sizes that a terminal shows.
 const SHOWN: usize = 5;
 
+/// Probability of a cause outside the library from which on it is spoken of where nothing remains.
+const WORTH_A_WORD: f64 = 0.1;
+
 /// The verdict in a sentence.
 #[must_use]
 pub fn sentence(attribution: &Attribution) -> String {
@@ -18,7 +21,15 @@ pub fn sentence(attribution: &Attribution) -> String {
             attribution.leading().map_or_else(String::new, leads),
             attribution.probability_too_small
         ),
-        Word::Explained => format!("The gap is explained by {}; what is left looks like noise.", causes.join(" and ")),
+        Word::Explained if attribution.probability_outside < WORTH_A_WORD => {
+            format!("The gap is explained by {}; what is left looks like noise.", causes.join(" and "))
+        }
+        Word::Explained => format!(
+            "The gap is explained by {}; what is left looks like noise. That takes so many effects that they may stand in for a cause that the \
+             library does not have (probability {:.2}).",
+            causes.join(" and "),
+            attribution.probability_outside
+        ),
         Word::PartlyExplained => format!(
             "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains, and what is named may stand in for a \
              cause that the library does not have (probability {:.2}).",
