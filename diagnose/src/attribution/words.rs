@@ -21,15 +21,10 @@ pub fn sentence(attribution: &Attribution) -> String {
             attribution.leading().map_or_else(String::new, leads),
             attribution.probability_too_small
         ),
-        Word::Explained if attribution.probability_outside < WORTH_A_WORD => {
-            format!("The gap is explained by {}; what is left looks like noise.", causes.join(" and "))
+        Word::Explained => {
+            let doubt = if attribution.probability_outside > WORTH_A_WORD { stands_in(attribution) } else { String::new() };
+            format!("The gap is explained by {}; what is left looks like noise.{doubt}", causes.join(" and "))
         }
-        Word::Explained => format!(
-            "The gap is explained by {}; what is left looks like noise. That takes so many effects that they may stand in for a cause that the \
-             library does not have (probability {:.2}).",
-            causes.join(" and "),
-            attribution.probability_outside
-        ),
         Word::PartlyExplained => format!(
             "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains, and what is named may stand in for a \
              cause that the library does not have (probability {:.2}).",
@@ -39,6 +34,11 @@ pub fn sentence(attribution: &Attribution) -> String {
         ),
         Word::Unexplained => "There is a gap that nothing in the library accounts for.".to_owned(),
     }
+}
+
+fn stands_in(attribution: &Attribution) -> String {
+    let probability = attribution.probability_outside;
+    format!(" That takes so many effects that they may stand in for a cause that the library does not have (probability {probability:.2}).")
 }
 
 fn leads(candidate: &Candidate) -> String {
