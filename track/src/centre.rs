@@ -13,7 +13,7 @@
 //!
 //! How much a pixel weighs in the first fit is set for a webcam's frames. The next sees from the residuals of the first how much noise there
 //! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
-//! `refine`. A refined fit tries the light of one lamp besides (see [`Shade`]), which nine coefficients only follow.
+//! `refine`. A refined fit tries the light of one lamp besides, which nine coefficients only follow.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};
