@@ -21,6 +21,7 @@ pub use words::{at, number, sentence, words};
 
 use raven::Result;
 use raven::camera::Cameras;
+use raven::effects::Sited;
 use raven::log::Recording;
 use raven::robot::{KinematicsKind, Robot};
 use serde::Serialize;
@@ -243,7 +244,8 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     let named = named(outcome, &probabilities);
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
     let blamed = named.filter(|_| word != Word::Unexplained);
-    let probability_outside = unknown::with_outside(&mut probabilities, word, blamed.map_or(0, |best| best.effects.len()));
+    let sited: Vec<Sited> = blamed.iter().flat_map(|best| &best.effects).map(|&effect| fitter.coordinates.sited[effect]).collect();
+    let probability_outside = unknown::with_outside(&mut probabilities, word, &sited);
     let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
     let mut effects = Vec::new();
     if let Some(best) = blamed {
@@ -306,7 +308,7 @@ fn candidates(fitter: &Fitter, outcome: &Outcome, probabilities: &[(Vec<usize>, 
         let sets = outcome.fitted.keys().chain(outcome.screened.keys()).filter(|set| set.contains(&effect));
         sets.filter_map(|set| evidence(set)).fold(f64::NEG_INFINITY, f64::max)
     };
-    let of_effect = |(effect, sited): (usize, &raven::effects::Sited)| {
+    let of_effect = |(effect, sited): (usize, &Sited)| {
         let evidence_nats = best_with(effect) - none;
         let candidate =
             Candidate { id: sited.effect.id, joint: sited.joint(fitter.rows.robot()), probability: with(effect), evidence_nats };

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use raven::effects::Sited;
+
 use super::verdict::Word;
 use crate::evidence::prior;
 
@@ -27,9 +29,10 @@ pub(super) fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], parts_unseen:
     unseen / sum
 }
 
-/// Makes room for causes that are not in the library, where so many effects are `blamed`; returns their probability.
-pub(super) fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word, blamed: usize) -> f64 {
-    let outside = prior::outside(blamed, verdict.remains());
+/// Makes room for causes that are not in the library, where the effects that are `blamed` stand in for them; returns their probability.
+pub(super) fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Word, blamed: &[Sited]) -> f64 {
+    let beside = |one: &Sited| blamed.iter().filter(|other| one.shows_where(other)).count();
+    let outside = prior::outside(blamed.iter().map(beside).max().unwrap_or(0), verdict.remains());
     probabilities.iter_mut().for_each(|(_, p)| *p *= 1.0 - outside);
     outside
 }
@@ -37,6 +40,7 @@ pub(super) fn with_outside(probabilities: &mut [(Vec<usize>, f64)], verdict: Wor
 #[cfg(test)]
 mod tests {
     use super::*;
+    use raven::robot::nominal;
 
     #[test]
     fn recordings_that_say_nothing_leave_none_as_probable_as_it_was() {
@@ -52,7 +56,18 @@ mod tests {
         let mut probabilities = prior::probabilities([(vec![], 0.0), (vec![0], 20.0)].into_iter(), 80);
         with_unseen(&mut probabilities, &BTreeMap::from([(0, 0.3)]), 80);
         assert!(probabilities[0].0 == [0] && probabilities[0].1 > 0.999_99, "{probabilities:?}");
-        assert!(with_outside(&mut probabilities, Word::Explained, 1) < 0.05);
+        let sited = |id, joint| Sited::at(&nominal::gold(), id, joint).unwrap();
+        assert!(with_outside(&mut probabilities, Word::Explained, &[sited("payload", None)]) < 0.05);
         assert!(probabilities[0].1 > 0.95);
+    }
+
+    #[test]
+    fn effects_of_other_joints_do_not_stand_in_for_one_cause() {
+        let friction = |joint| Sited::at(&nominal::gold(), "motor-coulomb-friction", Some(joint)).unwrap();
+        let [shoulder, elbow] = ["shoulder", "elbow"].map(friction);
+        let ripple = Sited::at(&nominal::gold(), "torque-ripple", Some("elbow")).unwrap();
+        let outside = |blamed: &[Sited]| with_outside(&mut [], Word::PartlyExplained, blamed);
+        assert_eq!(outside(&[shoulder, elbow]), outside(&[shoulder]));
+        assert!(outside(&[shoulder, elbow, ripple]) > outside(&[shoulder]));
     }
 }
