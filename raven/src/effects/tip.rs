@@ -80,7 +80,7 @@ impl<'a> TipModel<'a> {
         let state = |sight: &Sight| {
             let time_s = self.model.view.shown_at_s(sight.stamp_s);
             let (angle, _) = free.at(time_s)?;
-            let rate = self.links.arm().transmission.joint_rate_from_motor(&self.motors.steady_rate(time_s)?);
+            let rate = self.links.arm().transmission.joint_rate_from_motor(&self.motors.steady(time_s)?.rate);
             Some(LinkState { position: self.links.settled(&angle, &Vector3::zeros()), rate })
         };
         self.seen(sights, sights.iter().map(state).collect())

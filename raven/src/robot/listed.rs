@@ -27,8 +27,8 @@ pub struct ListedEffect {
 /// cables with all their numbers and of the whole recording's motors [s, rad], and changes them in place.
 pub type MotorLaw = Box<dyn Fn(&Cables, &mut MotorTrack) + Send + Sync>;
 
-/// Tension differences of the cables [N] at a time [s], with the motors at angles [rad] and turning [rad/s].
-pub type TensionLaw<'a> = dyn Fn(f64, &Vector3<f64>, &Vector3<f64>) -> Vector3<f64> + 'a;
+/// Tension differences of the cables [N] at a time [s].
+pub type TensionLaw<'a> = dyn Fn(f64) -> Vector3<f64> + 'a;
 
 /// What a law of the motors' side hears of.
 pub struct Cables<'a> {
@@ -40,14 +40,22 @@ pub struct Cables<'a> {
     pub tension_n: &'a TensionLaw<'a>,
 }
 
-/// What laws make of recorded motors on an arm, whose cables carry its weight and its friction.
+/// What laws make of recorded motors on an arm, whose cables carry its weight, its friction and what moves it. Joints are taken to move as
+/// their motors do.
 #[must_use]
 pub fn wound<'a>(laws: &[MotorLaw], arm: &Arm, recorded: &'a MotorTrack) -> Cow<'a, MotorTrack> {
     let transmission = &arm.transmission;
-    let tension_n = |_: f64, motor: &Vector3<f64>, rate: &Vector3<f64>| {
-        let way = arm.rubbing(&transmission.joint_rate_from_motor(rate));
-        let drag = Vector3::from_fn(|j, _| arm.link_friction[j].coulomb * way[j]);
-        transmission.tension_n(&(arm.dynamics.gravity(&transmission.joint_from_motor(motor)) + drag))
+    let tension_n = |time_s: f64| {
+        let Some(motor) = recorded.steady(time_s) else { return Vector3::zeros() };
+        let [joint, rate, acceleration] = [
+            transmission.joint_from_motor(&motor.angle),
+            transmission.joint_rate_from_motor(&motor.rate),
+            transmission.joint_rate_from_motor(&motor.acceleration),
+        ];
+        let lifted = arm.dynamics.inverse(&joint, &rate, &acceleration);
+        let (tension_n, way) = (transmission.tension_n(&lifted), arm.rubbing(&rate));
+        let drag = |j: usize, _| arm.dry_friction_n(j, tension_n[j]) * way[j] + arm.link_friction[j].viscous * rate[j];
+        transmission.tension_n(&(lifted + Vector3::from_fn(drag)))
     };
     wound_by(laws, &Cables { transmission, stiffness_n: arm.cables.map(|cable| cable.stiffness), tension_n: &tension_n }, recorded)
 }
@@ -81,5 +89,41 @@ impl From<Vec<MotorLaw>> for MotorLaws {
 impl fmt::Debug for MotorLaws {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} motor laws", self.0.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+    use crate::robot::nominal;
+
+    #[test]
+    fn cables_carry_weight_friction_and_what_moves_the_links() {
+        let arm = nominal::gold().arm().unwrap();
+        let (middle, reach) = (Vector3::new(0.5, 1.5, 0.4), Vector3::new(0.3, 0.3, 0.05));
+        let omega = 4.0;
+        let at = |time_s: f64| middle + reach * (omega * time_s).sin();
+        let time_s: Vec<f64> = (0..2000).map(|k| f64::from(k) * 1e-3).collect();
+        let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&at(t))).collect(), time_s };
+        // Half way out, and where the joints turn.
+        let times_s = [std::f64::consts::FRAC_PI_6 / omega, std::f64::consts::FRAC_PI_2 / omega];
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let hears = heard.clone();
+        let law: MotorLaw = Box::new(move |cables, _| hears.lock().unwrap().extend(times_s.map(cables.tension_n)));
+        wound(&[law], &arm, &motor);
+        for (time_s, tension_n) in times_s.into_iter().zip(heard.lock().unwrap().iter()) {
+            let rate = reach * omega * (omega * time_s).cos();
+            let acceleration = -reach * omega * omega * (omega * time_s).sin();
+            let lifted = arm.dynamics.inverse(&at(time_s), &rate, &acceleration);
+            let drag = Vector3::from_fn(|j, _| {
+                let way = if rate[j].abs() > 1e-9 { rate[j].signum() } else { 0.0 };
+                arm.link_friction[j].coulomb * way + arm.link_friction[j].viscous * rate[j]
+            });
+            let expected = arm.transmission.tension_n(&(lifted + drag));
+            approx::assert_relative_eq!(*tension_n, expected, max_relative = 0.01);
+            assert!((expected - arm.transmission.tension_n(&arm.dynamics.gravity(&at(time_s)))).norm() > 0.5);
+        }
     }
 }

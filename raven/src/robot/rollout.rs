@@ -13,10 +13,21 @@ pub struct MotorTrack {
     pub angle: Vec<Vector3<f64>>,
 }
 
+/// How motors move at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SteadyMotion {
+    /// [rad].
+    pub angle: Vector3<f64>,
+    /// [rad/s].
+    pub rate: Vector3<f64>,
+    /// [rad/s^2].
+    pub acceleration: Vector3<f64>,
+}
+
 /// Longest pause between motor samples that is bridged [s]; beyond it whatever follows the motion starts anew.
 pub const PAUSE_MAX_S: f64 = 0.5;
 
-/// Half of the window over which a motor's velocity is steady [s].
+/// Half of the window over which a motor's motion is steady [s].
 const HALF_WINDOW_S: f64 = 0.02;
 
 impl MotorTrack {
@@ -37,13 +48,17 @@ impl MotorTrack {
         Some((self.angle[k] + rate * (time_s - self.time_s[k]), rate))
     }
 
-    /// Velocity [rad/s] over 20 ms on either side of a time, where an encoder's steps do not count; at the ends and beside pauses that of the
-    /// interval. `None` outside the track and in pauses.
+    /// Motion over 20 ms on either side of a time, where an encoder's steps do not count; at the ends and beside pauses that of the interval.
+    /// `None` outside the track and in pauses.
     #[must_use]
-    pub fn steady_rate(&self, time_s: f64) -> Option<Vector3<f64>> {
-        let (_, rate) = self.at(time_s)?;
+    pub fn steady(&self, time_s: f64) -> Option<SteadyMotion> {
+        let (angle, rate) = self.at(time_s)?;
         let ends = [self.at(time_s - HALF_WINDOW_S), self.at(time_s + HALF_WINDOW_S)];
-        Some(if let [Some((before, _)), Some((after, _))] = ends { (after - before) / (2.0 * HALF_WINDOW_S) } else { rate })
+        let [Some((before, _)), Some((after, _))] = ends else {
+            return Some(SteadyMotion { angle, rate, acceleration: Vector3::zeros() });
+        };
+        let acceleration = (after - 2.0 * angle + before) / HALF_WINDOW_S.powi(2);
+        Some(SteadyMotion { angle, rate: (after - before) / (2.0 * HALF_WINDOW_S), acceleration })
     }
 
     /// First sample of the stretch without pauses that holds interval `k`.

@@ -36,10 +36,10 @@ impl Sampled for Rows<'_> {
             let (seen, moving) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &times, WINDOW_S);
             for (sight, seen) in data.sights.iter().zip(seen) {
                 let time_s = sight.stamp_s;
-                let Some(((motor, _), rate)) = data.motors.at(time_s).zip(data.motors.steady_rate(time_s)) else { continue };
-                let rate = transmission.joint_rate_from_motor(&rate);
+                let Some(motor) = data.motors.steady(time_s) else { continue };
+                let rate = transmission.joint_rate_from_motor(&motor.rate);
                 let error = seen.map_or_else(|| Vector3::repeat(f64::NAN), |seen| sight.position_m - seen);
-                let slope = nominal.kinematics.jacobian(&transmission.joint_from_motor(&motor)).try_inverse();
+                let slope = nominal.kinematics.jacobian(&transmission.joint_from_motor(&motor.angle)).try_inverse();
                 let slope = slope.unwrap_or_else(Matrix3::zeros);
                 let (joint, covariance) = (slope * error, slope * sight.covariance_m2 * slope.transpose());
                 let of = |channel, error, variance, rate| Sample { channel, recording, time_s, error, variance, rate };
