@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::{Effect, Measure, Model, Scope, Sited};
+use super::{Effect, Measure, Model, Parameter, Scale, Scope, Sited};
 use crate::robot::{JointType, KinematicsKind, ListedEffect, MotorLaws, Robot, nominal};
 use crate::{Error, Result};
 
@@ -97,7 +97,8 @@ impl Sited {
     pub fn from_listed(robot: &Robot, listed: &ListedEffect) -> Result<(Self, Vec<f64>)> {
         let sited = Self::at(robot, &listed.id, listed.joint.as_deref())?;
         let id = sited.effect.id;
-        let names: Vec<&str> = sited.effect.parameters.iter().map(|parameter| parameter.name).collect();
+        let parameters = sited.effect.parameters;
+        let names: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
         match sited.effect.home() {
             Home::List => {}
             Home::Numbers => {
@@ -109,11 +110,13 @@ impl Sited {
         if let Some(name) = listed.values.keys().find(|name| !names.contains(&name.as_str())) {
             return Err(Error::Argument(format!("{id} has no value `{name}`; it has {}.", names.join(", "))));
         }
-        let value = |name: &&str| {
-            let missing = || Error::Argument(format!("{id} lacks the value `{name}`; it has {}.", names.join(", ")));
-            listed.values.get(*name).copied().ok_or_else(missing)
+        let value = |parameter: &Parameter| {
+            // What the motion before one recording left is no number of the robot.
+            let otherwise = matches!(parameter.scale, Scale::State(_)).then_some(0.0);
+            let missing = || Error::Argument(format!("{id} lacks the value `{}`; it has {}.", parameter.name, names.join(", ")));
+            listed.values.get(parameter.name).copied().or(otherwise).ok_or_else(missing)
         };
-        let values = names.iter().map(value).collect::<Result<Vec<f64>>>()?;
+        let values = parameters.iter().map(value).collect::<Result<Vec<f64>>>()?;
         sited.check_values(&values)?;
         Ok((sited, values))
     }
