@@ -51,11 +51,15 @@ impl Fitter<'_> {
         blocks(0, tip_rows, TIP_BLOCK).chain(blocks(tip_rows, rows, TORQUE_BLOCK)).filter(says).collect()
     }
 
-    /// Deviations of the free coordinates of a hypothesis.
+    /// Deviations of the free coordinates of a hypothesis, what it leaves taken for noise: a model that is not quite right errs alike in every
+    /// block.
     #[must_use]
     pub fn deviations(&self, hypothesis: &Hypothesis) -> Vec<f64> {
-        let columns: Vec<&[f64]> = hypothesis.columns.iter().map(|column| column.as_slice()).collect();
-        let scatter = self.scatter(&columns, &hypothesis.residuals, &self.precision(&hypothesis.free, &hypothesis.effects));
+        let (leftover, tip_rows) = (self.leftover(hypothesis), self.rows.tip_rows());
+        let columns: Vec<Vec<f64>> = hypothesis.columns.iter().map(|column| leftover.weighted(column, tip_rows)).collect();
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let residuals = leftover.weighted(&hypothesis.residuals, tip_rows);
+        let scatter = self.scatter(&columns, &residuals, &self.precision(&hypothesis.free, &hypothesis.effects));
         scatter.unwrap_or_else(|| hypothesis.free.iter().map(|&c| hypothesis.std(c)).collect())
     }
 
