@@ -4,8 +4,9 @@
 //! closed = 1 - (after^2 - floor^2) / (before^2 - floor^2)
 //! ```
 //!
-//! `before` is the model with the file in hand, `after` the same with the effects and nothing else. Intervals are those of a bootstrap over
-//! blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
+//! `before` is the model with the file in hand, `after` the same with the effects and nothing else; retuned, the file's own numbers are as they
+//! come out beside the effects, within their tolerances: what makes up for an effect has to give way when it is added. Intervals are those of a
+//! bootstrap over blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
 
 use rand::{RngExt, SeedableRng};
 use raven::Result;
@@ -36,9 +37,20 @@ pub struct Closure {
     pub closed_ci95: Option<[f64; 2]>,
     /// The effects were fitted on other blocks than these numbers are of.
     pub held_out: bool,
+    /// With the file's own numbers moved within their tolerances as well, fitted on other blocks.
+    pub retuned: Retuned,
     /// Shares of several effects, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shares: Vec<Share>,
+}
+
+/// The gap of one channel with the effects, if there are any, and the file's own numbers as they come out beside them.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Retuned {
+    /// RMS.
+    pub after: f64,
+    /// As [`Closure::closed`].
+    pub closed: Option<f64>,
 }
 
 /// What one of several effects closes.
@@ -66,6 +78,8 @@ struct Squares {
     block: Vec<usize>,
     /// Per subset of the effects.
     of_subset: Vec<Vec<f64>>,
+    /// With all of them and the file's own numbers.
+    retuned: Vec<f64>,
     floor: Vec<f64>,
 }
 
@@ -82,21 +96,24 @@ pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hy
     let mut squares = vec![Squares { of_subset: vec![Vec::new(); 1 << count], ..Squares::default() }; measured.len()];
     let mut pairs: Vec<(Sample, f64)> = Vec::new();
     for fold in 0..2 {
-        let effects = if count == 0 { Vec::new() } else { fitted_elsewhere(rows, coordinates, named, fold)? };
+        let u = fitted_elsewhere(rows, coordinates, named, fold)?;
+        let effects: Vec<Setting> = named.effects.iter().map(|&effect| setting(coordinates, effect, &u)).collect();
         let with = |subset: usize| {
             let settings: Vec<Setting> =
                 effects.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, setting)| setting.clone()).collect();
             rows.samples(&settings)
         };
         let of_subset: Vec<Vec<Sample>> = (0..1 << count).map(with).collect::<Result<_>>()?;
-        // Every subset has to count the same samples.
-        let counts = |k: &usize| of_subset.iter().all(|samples| samples[*k].error.is_finite());
+        let retuned = rows.samples(&coordinates.settings(&u))?;
+        // All have to count the same samples.
+        let counts = |k: &usize| of_subset.iter().chain([&retuned]).all(|samples| samples[*k].error.is_finite());
         let here = |k: &usize| block(of_subset[0][*k].time_s) % 2 == fold;
         for k in (0..of_subset[0].len()).filter(here).filter(counts) {
             let sample = of_subset[0][k];
             let of_channel = &mut squares[sample.channel];
             of_channel.block.push((sample.recording << 32) + block(sample.time_s));
             of_channel.floor.push(sample.variance);
+            of_channel.retuned.push(retuned[k].error.powi(2));
             of_subset.iter().zip(&mut of_channel.of_subset).for_each(|(samples, squares)| squares.push(samples[k].error.powi(2)));
             pairs.extend(of_subset.last().map(|last| (sample, last[k].error)));
         }
@@ -116,13 +133,15 @@ pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hy
     Ok((closures, if count == 0 { Vec::new() } else { Remaining::of(&measured, pairs) }))
 }
 
-/// The named effects with the values that the other half of the blocks gives them.
-fn fitted_elsewhere(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Vec<Setting>> {
+/// All coordinates as the other half of the blocks gives them.
+fn fitted_elsewhere(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Vec<f64>> {
     let others = rows.only(&|time_s| block(time_s) % 2 != fold);
     let fitted = Fitter { rows: others.as_ref(), coordinates }.fit(&named.effects, &named.u, None)?;
-    let u = fitted.map_or_else(|| named.u.clone(), |hypothesis| hypothesis.u);
-    let setting = |&effect: &usize| (coordinates.sited[effect], coordinates.of(effect).map(|c| u[c]).collect());
-    Ok(named.effects.iter().map(setting).collect())
+    Ok(fitted.map_or_else(|| named.u.clone(), |hypothesis| hypothesis.u))
+}
+
+fn setting(coordinates: &Coordinates, effect: usize, u: &[f64]) -> Setting {
+    (coordinates.sited[effect], coordinates.of(effect).map(|c| u[c]).collect())
 }
 
 fn block(time_s: f64) -> usize {
@@ -137,7 +156,9 @@ fn closure(channel: &str, unit: &'static str, scale: f64, squares: &Squares, sha
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (before, after, floor) = (mean(first), mean(last), mean(&squares.floor));
     let gap = before > GAP_MIN * floor && before > 0.0;
-    let closed_by = |subset: usize| 1.0 - (mean(&squares.of_subset[subset]) - floor) / (before - floor);
+    let closed = |after: f64| 1.0 - (after - floor) / (before - floor);
+    let closed_by = |subset: usize| closed(mean(&squares.of_subset[subset]));
+    let retuned = mean(&squares.retuned);
     let any = squares.of_subset.len() > 1;
     Some(Closure {
         channel: channel.to_owned(),
@@ -148,6 +169,7 @@ fn closure(channel: &str, unit: &'static str, scale: f64, squares: &Squares, sha
         closed: (gap && any).then(|| closed_by(squares.of_subset.len() - 1)),
         closed_ci95: if gap && any { interval(squares) } else { None },
         held_out: any,
+        retuned: Retuned { after: retuned.sqrt() * scale, closed: gap.then(|| closed(retuned)) },
         shares: if gap { shares_of(&closed_by) } else { Vec::new() },
     })
 }

@@ -10,7 +10,7 @@ mod unknown;
 mod verdict;
 mod words;
 
-pub use closure::{Closure, Share};
+pub use closure::{Closure, Retuned, Share};
 pub use detectable::Detectable;
 pub(crate) use fitness::RANGE_MIN;
 pub use fitness::check_fitness;

@@ -22,23 +22,25 @@ pub fn sentence(attribution: &Attribution) -> String {
             attribution.probability_too_small
         ),
         Word::Explained => {
-            let doubt = if attribution.probability_outside > WORTH_A_WORD { stands_in(attribution) } else { String::new() };
+            let doubt = if attribution.probability_outside > WORTH_A_WORD {
+                format!(" That takes so many effects that what is named {}.", may_stand_in(attribution))
+            } else {
+                String::new()
+            };
             format!("The gap is explained by {}; what is left looks like noise.{doubt}", causes.join(" and "))
         }
         Word::PartlyExplained => format!(
-            "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains, and what is named may stand in for a \
-             cause that the library does not have (probability {:.2}).",
+            "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains, and what is named {}.",
             causes.join(" and "),
             100.0 * attribution.misfit_accounted.unwrap_or(0.0),
-            attribution.probability_outside
+            may_stand_in(attribution)
         ),
         Word::Unexplained => "There is a gap that nothing in the library accounts for.".to_owned(),
     }
 }
 
-fn stands_in(attribution: &Attribution) -> String {
-    let probability = attribution.probability_outside;
-    format!(" That takes so many effects that they may stand in for a cause that the library does not have (probability {probability:.2}).")
+fn may_stand_in(attribution: &Attribution) -> String {
+    format!("may stand in for a cause that the library does not have (probability {:.2})", attribution.probability_outside)
 }
 
 fn leads(candidate: &Candidate) -> String {
@@ -87,10 +89,27 @@ pub fn words(attribution: &Attribution) -> String {
         let joint = candidate.joint.as_deref().unwrap_or("");
         let _ = writeln!(text, "{:<24} {joint:<20} {:>11.3} {:>13.1}", candidate.id, candidate.probability, candidate.evidence_nats);
     }
-    if attribution.gap.iter().any(|gap| gap.held_out) {
-        let _ = writeln!(text, "\nThe model with the file, and with the effects as found on other parts of the recordings (rms)");
-        let _ = writeln!(text, "{:<17} {:>4} {:>12} {:>8} {:>8}  closed", "channel", "unit", "noise floor", "before", "after");
+    if !attribution.gap.is_empty() {
+        let effects = if attribution.effects.is_empty() { "" } else { ", with the effects" };
+        let _ = writeln!(
+            text,
+            "\nThe model with the file{effects}, and retuned: with the file's own numbers moved within their tolerances as well; each as found \
+             on other parts of the recordings (rms)"
+        );
+        let _ = writeln!(
+            text,
+            "{:<17} {:>4} {:>12} {:>8} {:>8} {:>20} {:>8}",
+            "channel", "unit", "noise floor", "before", "after", "closed", "retuned"
+        );
         attribution.gap.iter().for_each(|gap| row(&mut text, gap));
+        if let Some(worse) = attribution.gap.iter().find(|gap| grows(gap)) {
+            let _ = writeln!(
+                text,
+                "At the {} numbers of the file make up for what is named: with it alone the gap grows. Fit them together \
+                 (`raven-identify --add-effect`).",
+                worse.channel
+            );
+        }
     }
     attribution.remarks.iter().for_each(|remark| {
         let _ = writeln!(text, "{remark}");
@@ -98,14 +117,19 @@ pub fn words(attribution: &Attribution) -> String {
     text
 }
 
+/// Whether the effects alone make a channel's gap larger beyond doubt, and those with the file's numbers retuned do not.
+fn grows(gap: &Closure) -> bool {
+    gap.closed_ci95.is_some_and(|[_, high]| high < 0.0) && gap.retuned.after < gap.before
+}
+
 fn row(text: &mut String, gap: &Closure) {
-    let Closure { channel, unit, noise_floor, before, after, closed, closed_ci95, .. } = gap;
-    let closed = closed.map_or_else(
-        || "no gap".to_owned(),
-        |closed| {
-            let interval = closed_ci95.map_or_else(String::new, |[low, high]| format!(" ({:.0} to {:.0})", 100.0 * low, 100.0 * high));
-            format!("{:.0} %{interval}", 100.0 * closed)
-        },
-    );
-    let _ = writeln!(text, "{channel:<17} {unit:>4} {noise_floor:>12.3} {before:>8.3} {after:>8.3}  {closed}");
+    let Closure { channel, unit, noise_floor, before, retuned, .. } = gap;
+    let (after, closed) = if gap.held_out { (format!("{:.3}", gap.after), closed(gap)) } else { (String::new(), String::new()) };
+    let _ = writeln!(text, "{channel:<17} {unit:>4} {noise_floor:>12.3} {before:>8.3} {after:>8} {closed:>20} {:>8.3}", retuned.after);
+}
+
+fn closed(gap: &Closure) -> String {
+    let Some(closed) = gap.closed else { return "no gap".to_owned() };
+    let interval = gap.closed_ci95.map_or_else(String::new, |[low, high]| format!(" ({:.0} to {:.0})", 100.0 * low, 100.0 * high));
+    format!("{:.0} %{interval}", 100.0 * closed)
 }

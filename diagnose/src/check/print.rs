@@ -27,6 +27,7 @@ impl fmt::Display for Score {
         let numbers = [
             ("error of the size, median", self.sizes.median_relative_error.map(percent)),
             ("gap closed, of what closes when told", self.gap_closed_of_oracle.map(percent)),
+            ("  with the file's numbers retuned as well", self.gap_closed_of_oracle_retuned.map(percent)),
             ("expected calibration error", self.ece.map(|ece| format!("{ece:.3}"))),
             ("Brier score", self.brier.map(|brier| format!("{brier:.3}"))),
             ("time per recording, mean", self.seconds_mean.map(|seconds| format!("{seconds:.1} s"))),

@@ -67,6 +67,8 @@ pub struct Score {
     pub sizes: Sizes,
     /// Gap closed over what is closed when the effects are told, over the recordings that hide effects of the library.
     pub gap_closed_of_oracle: Option<f64>,
+    /// The same with the file's own numbers moved within their tolerances as well.
+    pub gap_closed_of_oracle_retuned: Option<f64>,
     /// Mean time per recording [s].
     pub seconds_mean: Option<f64>,
     /// Longest time [s].
@@ -83,7 +85,7 @@ impl Score {
     pub fn of(answers: &[Answer], labels: &BTreeMap<String, Label>, names: &Names) -> Self {
         let mut score = Self { format: "raven-check/1", ..Self::default() };
         let mut claims = Vec::new();
-        let mut closed = Vec::new();
+        let mut closed: [Vec<[f64; 2]>; 2] = Default::default();
         let mut seconds = Vec::new();
         for answer in answers {
             let Some(label) = labels.get(&answer.name) else { continue };
@@ -111,13 +113,19 @@ impl Score {
                     score.sizes.compare(&label.effects[at], blamed);
                 }
             }
-            closed.extend(answer.told.as_ref().and_then(|told| closed_by_both(&verdict.gap, &told.gap)));
+            if let Some(told) = &answer.told {
+                for (closed, of) in closed.iter_mut().zip(CLOSED) {
+                    closed.extend(closed_by_both(&verdict.gap, &told.gap, of));
+                }
+            }
         }
         score.claims = claims.len();
         score.ece = calibration_error(&claims);
         score.brier = brier(&claims);
-        let sum = |of: fn(&[f64; 2]) -> f64| closed.iter().map(of).sum::<f64>();
-        score.gap_closed_of_oracle = (sum(|c| c[1]) > 0.0).then(|| sum(|c| c[0]) / sum(|c| c[1]));
+        [score.gap_closed_of_oracle, score.gap_closed_of_oracle_retuned] = closed.map(|closed| {
+            let [by_verdict, when_told] = [0, 1].map(|side| closed.iter().map(|pair| pair[side]).sum::<f64>());
+            (when_told > 0.0).then(|| by_verdict / when_told)
+        });
         score.seconds_mean = (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64);
         score.seconds_longest = seconds.iter().copied().reduce(f64::max);
         score
@@ -242,13 +250,16 @@ fn said_text(verdict: &Verdict, names: &Names) -> String {
     text
 }
 
-/// Mean part closed by the verdict and when told, over the channels where what is true shows. A verdict that names nothing closes nothing.
-fn closed_by_both(verdict: &[ChannelGap], told: &[ChannelGap]) -> Option<[f64; 2]> {
+/// Part of a channel's gap that is closed: by effects alone, and with the file's own numbers retuned.
+const CLOSED: [fn(&ChannelGap) -> Option<f64>; 2] = [|gap| gap.closed, |gap| gap.retuned.closed];
+
+/// Mean part closed by the verdict and when told, over the channels where what is true shows.
+fn closed_by_both(verdict: &[ChannelGap], told: &[ChannelGap], of: fn(&ChannelGap) -> Option<f64>) -> Option<[f64; 2]> {
     let pairs: Vec<[f64; 2]> = told
         .iter()
         .filter_map(|told| {
             let same = verdict.iter().find(|gap| gap.channel == told.channel)?;
-            Some([same.closed.unwrap_or(0.0), told.closed.filter(|closed| *closed >= SHOWS_PART)?])
+            Some([of(same).unwrap_or(0.0), of(told).filter(|closed| *closed >= SHOWS_PART)?])
         })
         .collect();
     let mean = |side: usize| pairs.iter().map(|pair| pair[side]).sum::<f64>() / pairs.len() as f64;

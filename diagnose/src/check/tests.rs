@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use approx::assert_relative_eq;
 use raven::simulation::{LABELS, LABELS_SUM, Label, LabelEffect, Magnitude, Motion, Options, SealedFolder};
 
+use super::verdict::Retuned;
 use super::*;
 
 fn effect(id: &str, joint: Option<&str>, magnitude: f64) -> LabelEffect {
@@ -107,7 +108,11 @@ fn exact_ties_count_as_right() {
 #[test]
 fn the_gap_is_held_against_what_closes_when_told() {
     let gap = |closed: &[(&str, Option<f64>)]| {
-        closed.iter().map(|&(channel, closed)| ChannelGap { channel: channel.to_owned(), closed }).collect::<Vec<_>>()
+        let of = |&(channel, closed): &(&str, Option<f64>)| {
+            let retuned = Retuned { closed: closed.map(|closed| 0.5 * (closed + 1.0)) };
+            ChannelGap { channel: channel.to_owned(), closed, retuned }
+        };
+        closed.iter().map(of).collect::<Vec<_>>()
     };
     let mut said = verdict(Word::Explained, &[blamed("payload", None, 0.9, 0.2)], &[]);
     said.gap = gap(&[("tip", Some(0.9)), ("elbow", Some(0.5)), ("shoulder", None), ("insertion", Some(0.1))]);
@@ -121,6 +126,7 @@ fn the_gap_is_held_against_what_closes_when_told() {
     assert_eq!((score.top1_shown, score.pairs_exact), (Share { hits: 1, of: 1 }, Share { hits: 0, of: 2 }));
     assert_eq!(score.pairs_shown, Share { hits: 0, of: 1 });
     assert_relative_eq!(score.gap_closed_of_oracle.unwrap(), 1.4 / 2.0, epsilon = 1e-12);
+    assert_relative_eq!(score.gap_closed_of_oracle_retuned.unwrap(), 1.7 / 2.5, epsilon = 1e-12);
 }
 
 #[test]

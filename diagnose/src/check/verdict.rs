@@ -71,11 +71,21 @@ pub struct ChannelGap {
     pub channel: String,
     /// Part of the squared gap above the noise floor that the effects take away; nothing where there is none to take.
     pub closed: Option<f64>,
+    /// The same where the file's own numbers are moved within their tolerances as well.
+    #[serde(default)]
+    pub retuned: Retuned,
+}
+
+/// As [`crate::attribution::Closure::retuned`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Retuned {
+    /// Part of the squared gap above the noise floor that is gone.
+    pub closed: Option<f64>,
 }
 
 impl From<&crate::attribution::Closure> for ChannelGap {
     fn from(closure: &crate::attribution::Closure) -> Self {
-        Self { channel: closure.channel.clone(), closed: closure.closed }
+        Self { channel: closure.channel.clone(), closed: closure.closed, retuned: Retuned { closed: closure.retuned.closed } }
     }
 }
 

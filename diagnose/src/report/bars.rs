@@ -12,7 +12,7 @@ struct Row {
     before: f64,
     after: Option<f64>,
     noise_floor: f64,
-    note: String,
+    notes: Vec<String>,
 }
 
 /// Widths of the label, the bars and the note.
@@ -36,13 +36,19 @@ pub fn gaps(gaps: &[GapBar]) -> String {
         before: gap.before,
         after: gap.after,
         noise_floor: gap.noise_floor,
-        note: gap.closed.map_or_else(String::new, |(closed, [low, high])| {
-            format!("{:.0} % closed (95 %: {:.0} to {:.0} %)", 100.0 * closed, 100.0 * low, 100.0 * high)
-        }),
+        notes: notes(gap),
     };
     let rows: Vec<Row> = gaps.iter().map(row).collect();
-    let note = if gaps.iter().any(|gap| gap.closed.is_some()) { 215.0 } else { 0.0 };
+    let note = if rows.iter().any(|row| !row.notes.is_empty()) { 215.0 } else { 0.0 };
     draw("gap", "Gap before and after", &rows, &Columns { label: 132.0, bars: 610.0 - note, note })
+}
+
+fn notes(gap: &GapBar) -> Vec<String> {
+    let closed = |(closed, [low, high]): (f64, [f64; 2])| {
+        format!("{:.0} % closed (95 %: {:.0} to {:.0} %)", 100.0 * closed, 100.0 * low, 100.0 * high)
+    };
+    let retuned = |after: f64| format!("{} {} with the file retuned", figure(after), gap.unit);
+    gap.closed.map(closed).into_iter().chain(gap.retuned.map(retuned)).collect()
 }
 
 /// One channel by phase; `index` tells the drawings of a page apart.
@@ -54,7 +60,7 @@ pub fn phases(index: usize, bars: &PhaseBars) -> String {
         before: phase.before,
         after: phase.after,
         noise_floor: phase.noise_floor,
-        note: String::new(),
+        notes: Vec::new(),
     };
     let rows: Vec<Row> = bars.phases.iter().map(row).collect();
     draw(&format!("phase-{index}"), &format!("{} by phase", bars.channel), &rows, &Columns { label: 96.0, bars: 196.0, note: 0.0 })
@@ -93,7 +99,9 @@ fn pair(row: &Row, top: f64, columns: &Columns, width: f64, largest: f64) -> Str
         drawn += &line([x, top + 4.0, x, top + 14.0 + 2.0 * BAR], "floor");
     }
     drawn += &line([left, top + 4.0, left, top + 14.0 + 2.0 * BAR], "axis");
-    drawn + &text(left + columns.bars + columns.note, top + 30.0, "e s", &row.note)
+    let end = left + columns.bars + columns.note;
+    let first = top + 37.0 - 7.0 * row.notes.len() as f64;
+    drawn + &row.notes.iter().enumerate().map(|(k, note)| text(end, first + 14.0 * k as f64, "e s", note)).collect::<String>()
 }
 
 fn description(rows: &[Row]) -> String {

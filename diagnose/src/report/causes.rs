@@ -66,5 +66,6 @@ fn bar(gap: &crate::attribution::Closure) -> GapBar {
         before: gap.before,
         after: gap.held_out.then_some(gap.after),
         closed: gap.closed.zip(gap.closed_ci95),
+        retuned: Some(gap.retuned.after),
     }
 }

@@ -59,6 +59,8 @@ pub struct GapBar {
     pub after: Option<f64>,
     /// Share of the gap above the noise floor that was closed, with its 95 % interval.
     pub closed: Option<(f64, [f64; 2])>,
+    /// RMS with the file's own numbers moved within their tolerances as well.
+    pub retuned: Option<f64>,
 }
 
 /// A cause.

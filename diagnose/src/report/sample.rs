@@ -11,6 +11,7 @@ pub fn sample() -> Page {
         before,
         after: Some(after),
         closed: Some(closed),
+        retuned: Some(noise_floor),
     };
     let candidate = |effect: &str, joint: Option<&str>, probability, evidence_nats, chosen| Candidate {
         effect: effect.to_owned(),
