@@ -17,6 +17,10 @@ const SIGHTS_MAX: usize = 3000;
 /// Time between two torque samples [s].
 pub(super) const STRIDE_S: f64 = 0.02;
 
+/// An encoder that turns so far [rad] from one sample to the next beyond twice what it does elsewhere in a window has miscounted: no motor
+/// starts as fast, and its torque did not do it.
+const JUMP_RAD: f64 = 0.3;
+
 /// What one recording offers.
 pub struct Data {
     /// Motors.
@@ -82,13 +86,14 @@ fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
     (1..count).filter_map(|k| shaft(motors, torque, start + k as f64 * STRIDE_S)).collect()
 }
 
-/// Motors at one time, smoothed, and their torque; `None` where samples are missing or there are fewer than five in the window.
+/// Motors at one time, smoothed, and their torque; `None` where samples are missing, an encoder jumps or there are fewer than five samples in
+/// the window.
 pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
     let from = motors.time_s.partition_point(|&t| t < time_s - 0.5 * WINDOW_S);
     let to = motors.time_s.partition_point(|&t| t <= time_s + 0.5 * WINDOW_S);
     let times = motors.time_s.get(from..to)?;
     let whole = times.len() >= 5 && times.windows(2).all(|pair| pair[1] - pair[0] <= PAUSE_MAX_S.min(0.5 * WINDOW_S));
-    if !whole || torque[from..to].iter().any(|t| !t.iter().all(|v| v.is_finite())) {
+    if !whole || jumps(&motors.angle[from..to]) || torque[from..to].iter().any(|t| !t.iter().all(|v| v.is_finite())) {
         return None;
     }
     // Least squares of [1, t, t^2 / 2]. The acceleration it finds is the mean of the true one with the weights (1 - (t / h)^2)^2, h half
@@ -109,4 +114,33 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -
     let commanded = commanded / weights;
     let row = |k: usize| fit.row(k).transpose();
     Some(Shaft { time_s, angle: row(0), rate: row(1), acceleration: row(2), commanded, window_s: WINDOW_S })
+}
+
+/// Whether any of the motors turns much farther between two samples than between any others.
+fn jumps(angle: &[Vector3<f64>]) -> bool {
+    (0..3).any(|j| {
+        let [mut largest, mut second] = [0.0_f64; 2];
+        for turned in angle.windows(2).map(|pair| (pair[1][j] - pair[0][j]).abs()) {
+            second = second.max(turned.min(largest));
+            largest = largest.max(turned);
+        }
+        largest > JUMP_RAD + 2.0 * second
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_miscount_jumps_and_a_fast_start_does_not() {
+        let starting = |rad_s2: f64, step_s: f64| {
+            let angle = |k: usize| Vector3::new(0.5 * rad_s2 * ((k as f64 - 10.0).max(0.0) * step_s).powi(2), 0.0, 0.0);
+            (0..30).map(angle).collect::<Vec<_>>()
+        };
+        assert!(!jumps(&starting(2e4, 1e-3)) && !jumps(&starting(2e4, 2e-3)));
+        let mut miscounted = starting(2e3, 1e-3);
+        miscounted[20..].iter_mut().for_each(|angle| angle[0] -= 0.8);
+        assert!(jumps(&miscounted));
+    }
 }
