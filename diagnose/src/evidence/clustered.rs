@@ -1,12 +1,13 @@
 //! Deviations that hold where residuals are alike over time, as those of a model that is not quite right are.
 //!
 //! ```text
-//! cov = H^-1 (f sum_b g_b g_b' + L) H^-1,   H = J'J + L,   g_b = J_b' r_b,   f = B / (B - tr(H^-1 J'J))
+//! cov = H^-1 (sum_b g_b g_b' + L) H^-1,   H = J'J + L,   g_b = J_b' r_b
 //! ```
 //!
 //! The sandwich of Huber 1967 and White 1980 over blocks `b` of time (Liang and Zeger 1986): what the residuals of a block add up to takes
-//! the place of what they should by their stated deviations. `L` is the prior's precision, `f` makes up for what the fit took out of `B`
-//! blocks.
+//! the place of what they should by their stated deviations. `L` is the prior's precision. The fit has taken part of the noise out of every
+//! block: of white noise of the stated deviations is left `E(g_b g_b') = M_b - M_b H^-1 M_b`, with `M_b = J_b' J_b` in place of `M_b` (Bell and
+//! McCaffrey 2002). Each variance is corrected by the ratio of the two along its own direction.
 
 use std::ops::Range;
 
@@ -18,27 +19,35 @@ use super::linear::dot;
 /// Rows of a block: two seconds of tips at fifteen a second and of torque samples at fifty, three components each.
 const TIP_BLOCK: usize = 3 * 30;
 const TORQUE_BLOCK: usize = 3 * 100;
-/// Blocks beyond what a fit takes out, below which they say nothing.
-const SPARE_MIN: f64 = 4.0;
+/// Part of the noise along a direction that a fit may take out of blocks, above which they say nothing of it.
+const TAKEN_OUT_MAX: f64 = 0.75;
 
-/// Covariances of the minimum of `(|r|^2 + |u / t|^2) / 2` from residuals and slopes there: by the stated noise, and by blocks of rows, where
-/// there are enough of them. `None` where nothing holds the minimum.
+/// Variances of the minimum of `(|r|^2 + |u / t|^2) / 2` from residuals and slopes there: by the stated noise, and by blocks of rows, where
+/// these say something. `None` where nothing holds the minimum.
 #[must_use]
-pub fn covariances(columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64>, blocks: &[Range<usize>]) -> Option<[DMatrix<f64>; 2]> {
-    let information = gram(columns);
-    let bread = (&information + DMatrix::from_diagonal(precision)).cholesky()?.inverse();
-    let spare = blocks.len() as f64 - (&bread * &information).trace();
-    if spare < SPARE_MIN {
-        return Some([bread.clone(), bread]);
-    }
-    let mut scores = DMatrix::zeros(columns.len(), columns.len());
+pub fn variances(columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64>, blocks: &[Range<usize>]) -> Option<Vec<[f64; 2]>> {
+    let count = columns.len();
+    let prior = DMatrix::from_diagonal(precision);
+    let bread = (gram(columns) + &prior).cholesky()?.inverse();
+    // Scores as they are, and as white noise would have them before and after the fit.
+    let [mut scores, mut white, mut left] = [(); 3].map(|()| DMatrix::zeros(count, count));
     for block in blocks {
-        let score = |column: &&[f64]| column.get(block.clone()).zip(residuals.get(block.clone())).map_or(0.0, |(j, r)| dot(j, r));
-        let score = DVector::from_iterator(columns.len(), columns.iter().map(score));
-        scores.ger(blocks.len() as f64 / spare, &score, &score, 1.0);
+        let rows: Vec<&[f64]> = columns.iter().map(|column| column.get(block.clone()).unwrap_or_default()).collect();
+        let residuals = residuals.get(block.clone()).unwrap_or_default();
+        let score = DVector::from_iterator(count, rows.iter().map(|row| dot(row, residuals)));
+        scores.ger(1.0, &score, &score, 1.0);
+        let information = gram(&rows);
+        left += &information - &information * &bread * &information;
+        white += information;
     }
-    let clustered = &bread * (scores + DMatrix::from_diagonal(precision)) * &bread;
-    Some([bread, clustered])
+    let of_coordinate = |k: usize| {
+        let along = bread.column(k);
+        let of = |matrix: &DMatrix<f64>| along.dot(&(matrix * along));
+        let kept = of(&left) / of(&white);
+        let clustered = if kept > 1.0 - TAKEN_OUT_MAX { of(&scores) / kept + of(&prior) } else { bread[(k, k)] };
+        [bread[(k, k)], clustered]
+    };
+    Some((0..count).map(of_coordinate).collect())
 }
 
 impl Fitter<'_> {
@@ -66,8 +75,8 @@ impl Fitter<'_> {
     /// Deviations of numbers with these slopes and prior precisions: by the stated noise or by what residuals are like, whichever is larger.
     /// `None` where nothing holds them.
     pub(super) fn scatter(&self, columns: &[&[f64]], residuals: &[f64], precision: &DVector<f64>) -> Option<Vec<f64>> {
-        let [stated, clustered] = covariances(columns, residuals, precision, &self.blocks(residuals))?;
-        Some((0..columns.len()).map(|k| stated[(k, k)].max(clustered[(k, k)]).max(0.0).sqrt()).collect())
+        let variances = variances(columns, residuals, precision, &self.blocks(residuals))?;
+        Some(variances.into_iter().map(|[stated, clustered]| stated.max(clustered).max(0.0).sqrt()).collect())
     }
 }
 
@@ -77,51 +86,62 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Root mean square of the estimate of a slope over its stated deviation: of the clustered covariance, and of the stated noise.
-    fn scatter_over_stated(carry: f64) -> [f64; 2] {
-        const ROWS: usize = 3000;
+    const ROWS: usize = 3000;
+
+    fn blocks() -> Vec<Range<usize>> {
+        (0..ROWS).step_by(90).map(|start| start..(start + 90).min(ROWS)).collect()
+    }
+
+    /// Root mean square of the estimates of slopes over their stated deviations: by the stated noise, and by blocks. Each sample carries on
+    /// part of the one before.
+    fn scatter_over_stated(slopes: usize, carry: f64) -> [f64; 2] {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(11);
-        let column: Vec<f64> = (0..ROWS).map(|k| (k as f64 / 400.0).sin()).collect();
-        let precision = DVector::from_element(1, 1e-9);
-        let blocks: Vec<_> = (0..ROWS).step_by(90).map(|start| start..(start + 90).min(ROWS)).collect();
+        let column = |k: usize| (0..ROWS).map(|i| (i as f64 * (k + 1) as f64 / 400.0 + k as f64).sin()).collect::<Vec<f64>>();
+        let columns: Vec<Vec<f64>> = (0..slopes).map(column).collect();
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let inverse = gram(&columns).cholesky().unwrap().inverse();
+        let precision = DVector::from_element(slopes, 1e-9);
         let mut squares = [0.0; 2];
-        let trials = 400;
+        let trials = 200;
         for _ in 0..trials {
             let mut noise: f64 = 0.0;
             let push = (1.0 - carry * carry).sqrt();
-            let seen: Vec<f64> = column
-                .iter()
+            let seen: Vec<f64> = (0..ROWS)
                 .map(|_| {
                     let fresh: f64 = StandardNormal.sample(&mut rng);
                     noise = carry * noise + push * fresh;
                     noise
                 })
                 .collect();
-            let found = dot(&column, &seen) / dot(&column, &column);
-            let residuals: Vec<f64> = seen.iter().zip(&column).map(|(y, x)| y - found * x).collect();
-            let [_, clustered] = covariances(&[&column], &residuals, &precision, &blocks).unwrap();
-            squares[0] += found * found / clustered[(0, 0)];
-            squares[1] += found * found * dot(&column, &column);
+            let found = &inverse * DVector::from_iterator(slopes, columns.iter().map(|column| dot(column, &seen)));
+            let fitted = |i: usize| columns.iter().zip(found.iter()).map(|(column, found)| column[i] * found).sum::<f64>();
+            let residuals: Vec<f64> = seen.iter().enumerate().map(|(i, y)| y - fitted(i)).collect();
+            let variances = variances(&columns, &residuals, &precision, &blocks()).unwrap();
+            for (found, variance) in found.iter().zip(variances) {
+                squares.iter_mut().zip(variance).for_each(|(square, variance)| *square += found * found / variance);
+            }
         }
-        squares.map(|sum| (sum / f64::from(trials)).sqrt())
+        squares.map(|sum| (sum / (trials * slopes) as f64).sqrt())
     }
 
     #[test]
     fn deviations_are_what_estimates_scatter_by() {
-        let [clustered, stated] = scatter_over_stated(0.0);
-        assert!((0.85..1.2).contains(&clustered) && (0.9..1.1).contains(&stated), "{clustered} {stated}");
-        let [clustered, stated] = scatter_over_stated(0.9);
-        assert!((0.85..1.3).contains(&clustered) && stated > 3.0, "{clustered} {stated}");
+        // Of one slope, and of as many as there are blocks.
+        for slopes in [1, 30] {
+            let [stated, clustered] = scatter_over_stated(slopes, 0.0);
+            assert!((0.85..1.2).contains(&clustered) && (0.9..1.1).contains(&stated), "{slopes}: {clustered} {stated}");
+            let [stated, clustered] = scatter_over_stated(slopes, 0.9);
+            assert!((0.85..1.3).contains(&clustered) && stated > 3.0, "{slopes}: {clustered} {stated}");
+        }
     }
 
     #[test]
-    fn a_tight_prior_stays_and_few_blocks_say_nothing() {
-        let column = vec![1.0; 100];
-        let residuals: Vec<f64> = (0..100).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        let blocks: Vec<_> = (0..100).step_by(10).map(|start| start..start + 10).collect();
-        let [_, tight] = covariances(&[&column], &residuals, &DVector::from_element(1, 1e8), &blocks).unwrap();
-        approx::assert_relative_eq!(tight[(0, 0)], 1e-8, max_relative = 1e-4);
-        let [stated, few] = covariances(&[&column], &residuals, &DVector::from_element(1, 1e-3), &blocks[..4]).unwrap();
-        assert_eq!(stated, few);
+    fn a_tight_prior_stays_and_one_block_says_nothing() {
+        let column: Vec<f64> = (0..ROWS).map(|i| if i < 90 { 1.0 } else { 0.0 }).collect();
+        let residuals: Vec<f64> = (0..ROWS).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let [stated, of_one] = variances(&[&column], &residuals, &DVector::from_element(1, 1e-3), &blocks()).unwrap()[0];
+        assert_eq!(stated, of_one);
+        let [_, tight] = variances(&[&column], &residuals, &DVector::from_element(1, 1e8), &blocks()).unwrap()[0];
+        approx::assert_relative_eq!(tight, 1e-8, max_relative = 1e-4);
     }
 }
