@@ -112,7 +112,7 @@ mod tests {
         let heard = Arc::new(Mutex::new(Vec::new()));
         let hears = heard.clone();
         let law: MotorLaw = Box::new(move |cables, _| hears.lock().unwrap().extend(times_s.map(cables.tension_n)));
-        wound(&[law], &arm, &motor);
+        assert_eq!(*wound(&[law], &arm, &motor), motor);
         for (time_s, tension_n) in times_s.into_iter().zip(heard.lock().unwrap().iter()) {
             let rate = reach * omega * (omega * time_s).cos();
             let acceleration = -reach * omega * omega * (omega * time_s).sin();
