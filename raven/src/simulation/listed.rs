@@ -18,8 +18,8 @@ pub fn listed(robot: &Robot) -> Result<Vec<Effect>> {
         let values = match (kind, values.as_slice()) {
             // `a sin(q) + b cos(q) = e sin(q + p)`.
             (EffectKind::PulleyEccentricity, &[sine, cosine]) => vec![f64::hypot(sine, cosine), f64::atan2(cosine, sine)],
-            // How far it has settled at a recording's start follows from the session before.
-            (EffectKind::Creep, &[ratio, time_s, _]) => vec![ratio, time_s],
+            // What the motion before a recording left follows from the session.
+            (EffectKind::Creep | EffectKind::CableSlip, &[first, second, _]) => vec![first, second],
             _ => values,
         };
         let effect = Effect::new(kind, listed.joint.as_deref(), &values);
@@ -49,7 +49,7 @@ mod tests {
                 effect.parameters.iter().map(|p| if p.name == "cosine" { 0.0 } else { p.value(0.3, sited.measure) }).collect();
             let listing = sited.added_to(&robot, None, &values).unwrap();
             let kind = EffectKind::all().find(|kind| kind.id() == effect.id).unwrap();
-            let own = if kind == EffectKind::Creep { &values[..2] } else { &values };
+            let own = if matches!(kind, EffectKind::Creep | EffectKind::CableSlip) { &values[..2] } else { &values };
             let hidden = Effect::new(kind, sited.joint(&robot).as_deref(), own);
             let truth = |robot: &Robot, effects: Vec<Effect>| {
                 let session = Session::new(robot, Options { effects, ..Options::default() }).unwrap();
