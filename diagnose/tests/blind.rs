@@ -23,7 +23,6 @@ fn a_frozen_set_is_diagnosed_blind() {
     let sway = Sway { amplitude_m: nalgebra::Vector3::new(0.0, 3e-3, 2e-3), period_s: 11.0, phase: 0.4 };
     let cases = [
         case("a", 3_000_001, &[]),
-        case("b", 3_000_002, &[]),
         case("c", 3_000_003, &["pulley-radius:elbow=0.03"]),
         case("d", 3_000_004, &["motor-coulomb-friction:shoulder=2"]),
         case("e", 3_000_005, &["hysteresis:insertion=0.0015"]),
