@@ -105,7 +105,7 @@ pub fn words(attribution: &Attribution) -> String {
         if let Some(worse) = attribution.gap.iter().find(|gap| grows(gap)) {
             let _ = writeln!(
                 text,
-                "At the {} numbers of the file make up for what is named: with it alone the gap grows. Fit them together \
+                "At the {}, numbers of the file make up for what is named: with it alone the gap grows. Fit them together \
                  (`raven-identify --add-effect`).",
                 worse.channel
             );
