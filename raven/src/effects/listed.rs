@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::{Effect, Measure, Model, Parameter, Scale, Scope, Sited};
+use super::{Effect, Measure, Model, Parameter, Scope, Sited};
 use crate::robot::{JointType, KinematicsKind, ListedEffect, MotorLaws, Robot, nominal};
 use crate::{Error, Result};
 
@@ -112,7 +112,7 @@ impl Sited {
         }
         let value = |parameter: &Parameter| {
             // What the motion before one recording left is no number of the robot.
-            let otherwise = matches!(parameter.scale, Scale::State(_)).then_some(0.0);
+            let otherwise = parameter.scale.is_state().then_some(0.0);
             let missing = || Error::Argument(format!("{id} lacks the value `{}`; it has {}.", parameter.name, names.join(", ")));
             listed.values.get(parameter.name).copied().or(otherwise).ok_or_else(missing)
         };

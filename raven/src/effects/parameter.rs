@@ -34,6 +34,12 @@ pub enum Scale {
 }
 
 impl Scale {
+    /// Whether it is what the motion before a recording left: no number of the robot.
+    #[must_use]
+    pub fn is_state(self) -> bool {
+        matches!(self, Self::State(_))
+    }
+
     /// Whether the number says how large an effect is, as against what it is like.
     #[must_use]
     pub fn is_size(self) -> bool {

@@ -19,8 +19,7 @@ pub fn listed(robot: &Robot) -> Result<Vec<Effect>> {
             // `a sin(q) + b cos(q) = e sin(q + p)`.
             (EffectKind::PulleyEccentricity, &[sine, cosine]) => vec![f64::hypot(sine, cosine), f64::atan2(cosine, sine)],
             // What the motion before a recording left follows from the session.
-            (EffectKind::Creep | EffectKind::CableSlip, &[first, second, _]) => vec![first, second],
-            _ => values,
+            _ => sited.effect.parameters.iter().zip(values).filter(|(p, _)| !p.scale.is_state()).map(|(_, value)| value).collect(),
         };
         let effect = Effect::new(kind, listed.joint.as_deref(), &values);
         effect.map_err(|error| Error::Data(format!("robot `{}`: effects[{i}] cannot be simulated: {error}", robot.name)))
