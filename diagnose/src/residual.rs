@@ -67,7 +67,7 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
     }
     let tips = recording.tips(robot)?;
     let times: Vec<f64> = tips.iter().map(|tip| tip.time_s).collect();
-    let states = LinkModel::new(arm.clone()).rollout(&arm.driving(&motor), &times);
+    let states = LinkModel::new(arm.clone()).rollout_gripped(&arm.winding(&motor), &times);
     channels.joints = vec![Residuals::default(); 3];
     for (tip, state) in tips.iter().zip(&states) {
         let Some(state) = state else { continue };

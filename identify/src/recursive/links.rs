@@ -41,7 +41,7 @@ impl Links {
 
     /// The links at the image `to_s`, from what they were at the image `from_s`; settled where the motors are not known in between.
     pub fn follow(&self, states: &States, motion: &Motion, from_s: f64, to_s: f64) -> States {
-        let state = LinkState { position: states.fixed_rows::<3>(0).into(), rate: states.fixed_rows::<3>(3).into() };
+        let state = LinkState::new(states.fixed_rows::<3>(0).into(), states.fixed_rows::<3>(3).into());
         match self.equation.model.follow(state, motion.track(), self.correction.shown_at_s(from_s), self.correction.shown_at_s(to_s)) {
             Some(state) => States::from_iterator(state.position.iter().chain(state.rate.iter()).copied()),
             None => self.settled(motion, to_s),

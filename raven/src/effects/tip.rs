@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{LinkMotion, Model};
 use crate::Result;
-use crate::robot::stiction::{behind_friction, behind_play, has_play};
+use crate::robot::stiction::behind_friction;
 use crate::robot::{LinkModel, LinkState, MotorTrack};
 
 /// A tip to be predicted.
@@ -55,9 +55,7 @@ impl<'a> TipModel<'a> {
         order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
         let sorted: Vec<f64> = order.iter().map(|&k| times[k]).collect();
         let mut states = vec![None; times.len()];
-        let arm = self.links.arm();
-        let held = has_play(arm).then(|| behind_play(arm, &self.motors));
-        for (k, state) in order.into_iter().zip(self.links.rollout(held.as_ref().unwrap_or(&self.motors), &sorted)) {
+        for (k, state) in order.into_iter().zip(self.links.rollout_gripped(&self.motors, &sorted)) {
             states[k] = state;
         }
         let moving = states.split_off(sights.len());
@@ -81,7 +79,7 @@ impl<'a> TipModel<'a> {
             let time_s = self.model.view.shown_at_s(sight.stamp_s);
             let (angle, _) = free.at(time_s)?;
             let rate = self.links.arm().transmission.joint_rate_from_motor(&self.motors.steady(time_s)?.rate);
-            Some(LinkState { position: self.links.settled(&angle, &Vector3::zeros()), rate })
+            Some(LinkState::new(self.links.settled(&angle, &Vector3::zeros()), rate))
         };
         self.seen(sights, sights.iter().map(state).collect())
     }

@@ -52,7 +52,7 @@ impl PaperStates {
 
 impl StateEquation<6> for PaperStates {
     fn transition(&self, state: &SVector<f64, 6>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, 6> {
-        let links = LinkState { position: state.fixed_rows::<3>(0).into(), rate: state.fixed_rows::<3>(3).into() };
+        let links = LinkState::new(state.fixed_rows::<3>(0).into(), state.fixed_rows::<3>(3).into());
         let links = self.model.advance(links, motor, motor_rate, step_s);
         let mut next = SVector::<f64, 6>::zeros();
         next.fixed_rows_mut::<3>(0).copy_from(&links.position);
@@ -137,7 +137,7 @@ impl StateEquation<9> for BiasStates {
     fn transition(&self, state: &SVector<f64, 9>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, 9> {
         let bias: Vector3<f64> = state.fixed_rows::<3>(6).into();
         let unbiased: Vector3<f64> = state.fixed_rows::<3>(0) - bias;
-        let links = LinkState { position: unbiased, rate: state.fixed_rows::<3>(3).into() };
+        let links = LinkState::new(unbiased, state.fixed_rows::<3>(3).into());
         let links = self.paper.model.advance(links, motor, motor_rate, step_s);
         let mut next = *state;
         next.fixed_rows_mut::<3>(0).copy_from(&(links.position + bias));

@@ -174,6 +174,10 @@ pub struct ViscousCoulomb {
     /// Part of Coulomb friction that holds a joint whose motor stands still; the rest gives way slowly [1].
     #[serde(default)]
     pub held_part: f64,
+    /// How far friction that holds keeps the joint behind where its cables would have it as a recording begins, as a part of the most
+    /// [-1 to 1]: what the motion before left.
+    #[serde(default)]
+    pub lag_at_start: f64,
     /// Speed below which Coulomb friction fades [rad/s or m/s]; the model's own where it is not given.
     #[serde(default)]
     pub stiction_speed: Option<f64>,
@@ -413,6 +417,7 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
         within(&key("link_friction.viscous"), friction.viscous, [0.0, 1e4], "N m s or N s/m", "another unit")?;
         within(&key("link_friction.per_load"), friction.per_load, [0.0, 2.0], "1", "percent")?;
         within(&key("link_friction.held_part"), friction.held_part, [0.0, 1.0], "1", "percent")?;
+        within(&key("link_friction.lag_at_start"), friction.lag_at_start, [-1.0, 1.0], "1", "percent")?;
     }
     Ok(())
 }

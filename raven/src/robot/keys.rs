@@ -4,7 +4,7 @@ use super::{JointType, KinematicsKind, Observation, Robot};
 use crate::Result;
 
 /// Numbers of a joint, with their units on a revolute and on a prismatic joint.
-const OF_JOINT: [(&str, [&str; 2]); 19] = [
+const OF_JOINT: [(&str, [&str; 2]); 20] = [
     ("gear_ratio", ["1", "1"]),
     ("motor_capstan_radius", ["m", "m"]),
     ("link_pulley_radius", ["m", "1"]),
@@ -24,6 +24,7 @@ const OF_JOINT: [(&str, [&str; 2]); 19] = [
     ("link_friction.per_load", ["1", "1"]),
     ("link_friction.stiction_speed", ["rad/s", "m/s"]),
     ("link_friction.held_part", ["1", "1"]),
+    ("link_friction.lag_at_start", ["1", "1"]),
 ];
 
 /// A number that two versions of a robot file do not share.
@@ -103,6 +104,7 @@ impl Robot {
                     ["link_friction", "viscous"] => joint.link_friction.as_mut().map(|f| &mut f.viscous),
                     ["link_friction", "per_load"] => joint.link_friction.as_mut().map(|f| &mut f.per_load),
                     ["link_friction", "held_part"] => joint.link_friction.as_mut().map(|f| &mut f.held_part),
+                    ["link_friction", "lag_at_start"] => joint.link_friction.as_mut().map(|f| &mut f.lag_at_start),
                     ["link_friction", "stiction_speed"] => joint.link_friction.as_mut().and_then(|f| f.stiction_speed.as_mut()),
                     _ => None,
                 }

@@ -4,10 +4,12 @@
 //! M(q) qdd = (1 + C)' r_l gamma(x, xdot) - C(q, qd) - G(q) - F_c clip(qd / v_s) - F_v qd
 //! ```
 //!
-//! The motor angle is measured, so it is an input; the state is `[q, qd]`, 6x1 [rad, rad, m, rad/s, rad/s, m/s].
+//! The motor angle is measured, so it is an input; the state is `[q, qd]`, 6x1 [rad, rad, m, rad/s, rad/s, m/s]. Friction that holds
+//! `(held_part)` is in the motor angle as [play](super::stiction), or [grips](super::grip) the joints if the state says where.
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::grip::Grip;
 use super::{Arm, JointType};
 
 /// Speed below which Coulomb friction fades, per joint [rad/s, rad/s, m/s]: a tenth of the slowest motion that matters here.
@@ -26,6 +28,16 @@ pub struct LinkState {
     pub position: Vector3<f64>,
     /// [rad/s, rad/s, m/s].
     pub rate: Vector3<f64>,
+    /// Where friction that holds has hold of the joints [rad, rad, m]; `None` where it is in what drives them.
+    pub anchor: Option<Vector3<f64>>,
+}
+
+impl LinkState {
+    /// Of joints behind the play of friction that holds, or without such friction.
+    #[must_use]
+    pub fn new(position: Vector3<f64>, rate: Vector3<f64>) -> Self {
+        Self { position, rate, anchor: None }
+    }
 }
 
 /// Rigid-body terms at one state.
@@ -44,6 +56,7 @@ impl RigidBody {
 #[derive(Debug, Clone)]
 pub struct LinkModel {
     arm: Arm,
+    grip: Grip,
     step_max_s: f64,
 }
 
@@ -51,8 +64,11 @@ impl LinkModel {
     /// The link side of `arm`.
     #[must_use]
     pub fn new(arm: Arm) -> Self {
-        let step_max_s = (RUNGE_KUTTA_REACH / fastest_pole(&arm)).min(1e-3);
-        Self { arm, step_max_s }
+        let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
+        let inertia = arm.dynamics.mass_matrix(&middle).diagonal();
+        let grip = Grip::new(&arm, &inertia);
+        let step_max_s = (RUNGE_KUTTA_REACH / fastest_pole(&arm, &grip, &middle, &inertia)).min(1e-3);
+        Self { arm, grip, step_max_s }
     }
 
     /// Longest step [s] that [`Self::step`] takes with good accuracy: set by the fastest pole of cables and friction.
@@ -79,7 +95,18 @@ impl LinkModel {
         let stretch = transmission.stretch_m(motor, &state.position);
         let stretch_rate = transmission.stretch_rate_m_s(motor_rate, &state.rate);
         let tension = Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], stretch_rate[j]));
-        transmission.joint_force(&tension) - self.friction(&state.rate, &tension)
+        let free = transmission.joint_force(&tension) - self.friction(&state.rate, &tension);
+        match &state.anchor {
+            Some(anchor) => free - self.grip.friction(anchor, &state.position, &state.rate, &self.holding_n(&tension)),
+            None => free,
+        }
+    }
+
+    /// Where joints are held that have come to a state.
+    fn slid(&self, state: &LinkState, motor: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let stretch = self.arm.transmission.stretch_m(motor, &state.position);
+        let tension = Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], 0.0));
+        state.anchor.map(|anchor| self.grip.slid(&anchor, &state.position, &self.holding_n(&tension)))
     }
 
     fn rigid_body(&self, state: &LinkState) -> RigidBody {
@@ -95,7 +122,12 @@ impl LinkModel {
         Vector3::from_fn(|j, _| self.creeping_n(j, tension_n[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j])
     }
 
-    /// Coulomb friction that stands in the equations of motion [N m or N]; friction that holds is in what drives them.
+    /// Coulomb friction that holds, at most [N m, N m, N].
+    fn holding_n(&self, tension_n: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|j, _| self.arm.link_friction[j].held_part * self.arm.dry_friction_n(j, tension_n[j]))
+    }
+
+    /// Coulomb friction that gives way at rest [N m or N].
     fn creeping_n(&self, j: usize, tension_n: f64) -> f64 {
         (1.0 - self.arm.link_friction[j].held_part) * self.arm.dry_friction_n(j, tension_n)
     }
@@ -111,22 +143,27 @@ impl LinkModel {
 
     /// Rigid-body terms after a time at the velocity there is.
     fn rigid_body_ahead(&self, state: &LinkState, time_s: f64) -> RigidBody {
-        self.rigid_body(&LinkState { position: state.position + state.rate * time_s, rate: state.rate })
+        self.rigid_body(&LinkState { position: state.position + state.rate * time_s, ..*state })
     }
 
     fn step_with(&self, body: &RigidBody, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> LinkState {
         let half = 0.5 * step_s;
         let slope = |s: &LinkState, t: f64| (s.rate, body.acceleration(&self.force(s, &(motor + motor_rate * t), motor_rate)));
-        let ahead =
-            |(v, a): &(Vector3<f64>, Vector3<f64>), h: f64| LinkState { position: state.position + v * h, rate: state.rate + a * h };
+        let ahead = |(v, a): &(Vector3<f64>, Vector3<f64>), h: f64| LinkState {
+            position: state.position + v * h,
+            rate: state.rate + a * h,
+            ..*state
+        };
         let k1 = slope(state, 0.0);
         let k2 = slope(&ahead(&k1, half), half);
         let k3 = slope(&ahead(&k2, half), half);
         let k4 = slope(&ahead(&k3, step_s), step_s);
-        LinkState {
+        let reached = LinkState {
             position: state.position + (k1.0 + 2.0 * (k2.0 + k3.0) + k4.0) * (step_s / 6.0),
             rate: state.rate + (k1.1 + 2.0 * (k2.1 + k3.1) + k4.1) * (step_s / 6.0),
-        }
+            anchor: state.anchor,
+        };
+        LinkState { anchor: self.slid(&reached, &(motor + motor_rate * step_s)), ..reached }
     }
 
     /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within a millisecond share
@@ -160,17 +197,28 @@ impl LinkModel {
     /// The stretch is so small that gravity at the rigid position is gravity at the stretched one to second order; two passes suffice.
     #[must_use]
     pub fn settled(&self, motor: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
+        self.settled_under(motor, |tension| Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j])).0
+    }
+
+    /// The links at rest, held by friction that lets them lag by so much of the most behind where the cables would have them.
+    pub(super) fn held(&self, motor: &Vector3<f64>, lag: &Vector3<f64>) -> LinkState {
+        let drag = |tension: &Vector3<f64>| self.holding_n(tension).component_mul(lag);
+        let (position, tension) = self.settled_under(motor, drag);
+        LinkState { anchor: Some(self.grip.anchor(&position, &drag(&tension))), ..LinkState::new(position, Vector3::zeros()) }
+    }
+
+    /// Joint angles at which the cables hold the links against gravity and a drag that may depend on their tension, and that tension [N].
+    fn settled_under(&self, motor: &Vector3<f64>, drag: impl Fn(&Vector3<f64>) -> Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let rigid = self.arm.transmission.joint_from_motor(motor);
         let mut joint = rigid;
         let mut tension = Vector3::zeros();
         for _ in 0..2 {
-            let drag = Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j]);
-            let load = self.arm.dynamics.gravity(&joint) + drag;
+            let load = self.arm.dynamics.gravity(&joint) + drag(&tension);
             tension = self.arm.transmission.tension_n(&load);
             let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]));
             joint = rigid - self.arm.transmission.joint_lag(&stretch);
         }
-        joint
+        (joint, tension)
     }
 }
 
@@ -182,20 +230,20 @@ const FINER: [f64; 4] = [1.0, 4.0, 16.0, 64.0];
 /// Joint acceleration that a controller may ask for [rad/s^2, m/s^2].
 const HARD_ACCELERATION: f64 = 20.0;
 
-/// Upper estimate of the fastest pole [1/s]: cable damping and stiffness and the slope of the friction at rest, on the lightest pose.
-fn fastest_pole(arm: &Arm) -> f64 {
-    let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
-    let inertia = arm.dynamics.mass_matrix(&middle);
-    let gravity = arm.dynamics.gravity(&middle);
+/// Upper estimate of the fastest pole [1/s]: damping and stiffness of cables and of what holds joints, and the slope of the friction at rest,
+/// in the middle of the ranges.
+fn fastest_pole(arm: &Arm, grip: &Grip, middle: &Vector3<f64>, inertia: &Vector3<f64>) -> f64 {
+    let gravity = arm.dynamics.gravity(middle);
     (0..3)
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
             let damping = 2.0 * arm.cables[j].damping * radius2
+                + grip.damping[j]
                 + (1.0 - arm.link_friction[j].held_part) * arm.link_friction[j].coulomb / arm.stiction_speed(j);
             // A cable that stiffens is stiffest under the largest load.
-            let load_n = (gravity[j].abs() + inertia[(j, j)] * HARD_ACCELERATION) / arm.transmission.link_radius_m[j];
-            let stiffness = arm.cables[j].tangent_stiffness(load_n) * radius2;
-            let (rate, square) = (damping / inertia[(j, j)], stiffness / inertia[(j, j)]);
+            let load_n = (gravity[j].abs() + inertia[j] * HARD_ACCELERATION) / arm.transmission.link_radius_m[j];
+            let stiffness = arm.cables[j].tangent_stiffness(load_n) * radius2 + grip.stiffness[j];
+            let (rate, square) = (damping / inertia[j], stiffness / inertia[j]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.
             if rate * rate > 4.0 * square { 0.5 * (rate + (rate * rate - 4.0 * square).sqrt()) } else { square.sqrt() }
         })

@@ -3,6 +3,7 @@
 mod cable;
 mod dynamics;
 mod file;
+mod grip;
 mod hysteresis;
 mod keys;
 mod kinematics;

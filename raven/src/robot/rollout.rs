@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::stiction::has_play;
 use super::{LinkModel, LinkState};
 
 /// Motor angles over time.
@@ -91,19 +92,35 @@ impl LinkModel {
         Some(state)
     }
 
-    /// Link states at `times_s` (sorted), the motors following `motor`; `None` at times outside the track and in its pauses.
+    /// Link states at `times_s` (sorted), the motors following `driving`, behind the play of friction that holds; `None` at times outside the
+    /// track and in its pauses.
     ///
     /// After each pause the links start at rest where the cables hold them.
     #[must_use]
-    pub fn rollout(&self, motor: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
+    pub fn rollout(&self, driving: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
+        self.rolled(driving, times_s, false)
+    }
+
+    /// As [`Self::rollout`], with motors as they wind the cables: friction that holds grips the joints, at first where the file has it.
+    #[must_use]
+    pub fn rollout_gripped(&self, winding: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
+        self.rolled(winding, times_s, has_play(self.arm()))
+    }
+
+    fn rolled(&self, motor: &MotorTrack, times_s: &[f64], gripped: bool) -> Vec<Option<LinkState>> {
         let mut now: Option<(f64, LinkState)> = None;
         let state_at = |&time_s: &f64| {
             let interval = motor.interval(time_s)?;
             let carried = now.and_then(|(at, state)| self.follow(state, motor, at, time_s));
             let state = carried.or_else(|| {
                 let start = motor.segment_start(interval);
-                let position = self.settled(&motor.angle[start], &Vector3::zeros());
-                self.follow(LinkState { position, rate: Vector3::zeros() }, motor, motor.time_s[start], time_s)
+                let lag = Vector3::from_fn(|j, _| if start == 0 { self.arm().link_friction[j].lag_at_start } else { 0.0 });
+                let resting = if gripped {
+                    self.held(&motor.angle[start], &lag)
+                } else {
+                    LinkState::new(self.settled(&motor.angle[start], &Vector3::zeros()), Vector3::zeros())
+                };
+                self.follow(resting, motor, motor.time_s[start], time_s)
             })?;
             now = Some((time_s, state));
             Some(state)

@@ -6,12 +6,14 @@
 //! ```
 //!
 //! Friction that gives way below a speed `v_s` lets the joint creep back within that play: its lag `q - q_e` decays at the rate `v_s / h`,
-//! down to the part of `h` that holds.
+//! down to the part of `h` that holds. A damper beside the spring lets a cable stretch no faster than at the rate `k_e / b_e`: a hundredth of a
+//! second as a rule, most of a second where the cable is soft.
 //!
 //! At the speeds of surgery the links' inertia does not matter, so a joint behind a spring with Coulomb friction is where a free joint
 //! would be if the motors had wound no more than that. The play is the joint's and not the cable's: a motor that makes up for another
-//! joint's motion moves nothing, and a load that changes has to overcome friction too. Unlike friction that is smoothed around rest, play does not creep while the robot holds still. Source of
-//! the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
+//! joint's motion moves nothing, and a load that changes has to overcome friction too. Unlike friction that is smoothed around rest, play
+//! does not creep while the robot holds still. It serves filters, whose state has no place for where friction [grips](super::grip) a joint, and
+//! slopes. Source of the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
 
 use nalgebra::Vector3;
 
@@ -29,23 +31,40 @@ pub fn has_play(arm: &Arm) -> bool {
     arm.link_friction.iter().any(|friction| friction.held_part > 0.0 && (friction.coulomb > 0.0 || friction.per_load > 0.0))
 }
 
-/// The motors that would move free joints as these motors move joints with play. After a pause the play is in its middle, as at the start.
+/// The motors that would move free joints as these motors move joints with play. It starts where the file has it, and after a pause in its
+/// middle.
 #[must_use]
 pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
     let held = |j: usize| arm.link_friction[j].held_part;
-    played(arm, motor, LOAD_S, 0.0, &held, &|lag, half, _, _| lag.clamp(-half, half))
+    let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * half;
+    played(arm, motor, LOAD_S, 0.0, &held, &start, &|lag, half, _, wound| (lag + wound.by).clamp(-half, half))
 }
 
-/// The motors that would move free joints without inertia as these motors move joints with all their friction, held or giving way.
+/// The motors that would move free joints without inertia or damping as these motors move joints with all their friction, held or giving way,
+/// behind cables that stretch no faster than they are damped.
 #[must_use]
 pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
-    let creep = |lag: f64, half: f64, j: usize, step_s: f64| {
-        let held = arm.link_friction[j].held_part * half;
-        let beyond = lag - lag.clamp(-held, held);
-        let kept = if half > held { (-step_s * arm.stiction_speed(j) / (half - held)).exp() } else { 1.0 };
-        (lag - beyond * (1.0 - kept)).clamp(-half, half)
+    let viscous = [0, 1, 2].map(|j| Viscous::of(arm, j));
+    let follow = |lag: f64, half: f64, j: usize, Wound { by, in_s }: Wound| {
+        let Viscous { cable_s, joint_s } = viscous[j];
+        // Of a joint that stays where it is.
+        let held = lag + by;
+        let pull = held + cable_s * by / in_s;
+        if pull.abs() > half {
+            let sliding = pull.signum() * half + joint_s * by / in_s;
+            return sliding + (lag - sliding) * (-in_s / (cable_s + joint_s)).exp();
+        }
+        let most = arm.link_friction[j].held_part * half;
+        if most < half {
+            let kept = (-in_s / (cable_s + (half - most) / arm.stiction_speed(j))).exp();
+            let holding = held.clamp(-most, most);
+            holding + (held - holding) * kept
+        } else {
+            held
+        }
     };
-    played(arm, motor, LOAD_AT_REST_S, STEP_AT_REST_S, &|_| 1.0, &creep)
+    let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * arm.link_friction[j].held_part * half;
+    played(arm, motor, LOAD_AT_REST_S, STEP_AT_REST_S, &|_| 1.0, &start, &follow)
 }
 
 /// When each joint has moved so far from its start that friction of `times` what it should be no longer keeps it where the past left it [s];
@@ -61,18 +80,20 @@ pub fn stirred_s(arm: &Arm, motor: &MotorTrack, times: f64) -> [Option<f64>; 3] 
     })
 }
 
-/// Motors behind play: `part` of a joint's friction makes it, and `lagging` says what becomes of a lag at joint `j` with half a play over a
-/// time. The load is weighed every `load_s`; samples closer than `step_s` are left out.
+/// Motors behind play: `part` of a joint's friction makes it, `start` is how far a joint with half a play lags behind its middle when the motion
+/// begins, and `follow` what becomes of that while the cable is wound. The load is weighed every `load_s`; samples closer than `step_s` are left out.
 fn played(
     arm: &Arm,
     motor: &MotorTrack,
     load_s: f64,
     step_s: f64,
     part: &dyn Fn(usize) -> f64,
-    lagging: &dyn Fn(f64, f64, usize, f64) -> f64,
+    start: &dyn Fn(f64, usize) -> f64,
+    follow: &dyn Fn(f64, f64, usize, Wound) -> f64,
 ) -> MotorTrack {
     let transmission = &arm.transmission;
-    let (mut follower, mut held) = (Vector3::zeros(), Held::default());
+    // How far joints are behind where rigid cables would have them.
+    let (mut behind_rigid, mut rigid_before, mut held) = (Vector3::zeros(), Vector3::zeros(), Held::default());
     let (mut last_s, mut weighed_s) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
     let mut behind = MotorTrack::default();
     let end_s = motor.time_s.last().copied().unwrap_or_default();
@@ -85,16 +106,44 @@ fn played(
             weighed_s = time_s;
             held = Held::at(arm, &rigid, part);
         }
-        let wanted = rigid - held.middle;
         if time_s - last_s > PAUSE_MAX_S {
-            follower = wanted;
+            let begins = last_s == f64::NEG_INFINITY;
+            behind_rigid = held.middle + Vector3::from_fn(|j, _| if begins { start(held.half[j], j) } else { 0.0 });
+            rigid_before = rigid;
         }
-        follower = Vector3::from_fn(|j, _| wanted[j] + lagging(follower[j] - wanted[j], held.half[j], j, time_s - last_s));
-        last_s = time_s;
+        let wound = |j: usize| Wound { by: rigid[j] - rigid_before[j], in_s: time_s - last_s };
+        behind_rigid = held.middle + Vector3::from_fn(|j, _| follow(behind_rigid[j] - held.middle[j], held.half[j], j, wound(j)));
+        (rigid_before, last_s) = (rigid, time_s);
         behind.time_s.push(time_s);
-        behind.angle.push(transmission.motor_from_joint(&(follower + held.sag)));
+        behind.angle.push(transmission.motor_from_joint(&(rigid - behind_rigid + held.sag)));
     }
     behind
+}
+
+/// What a motor winds of a cable over a step, at the joint.
+#[derive(Debug, Clone, Copy)]
+struct Wound {
+    /// [rad or m].
+    by: f64,
+    /// [s].
+    in_s: f64,
+}
+
+/// Times over which a cable's stiffness makes up for what is viscous: damping over stiffness.
+#[derive(Debug, Clone, Copy)]
+struct Viscous {
+    /// Of the cable [s].
+    cable_s: f64,
+    /// Of the joint behind it [s].
+    joint_s: f64,
+}
+
+impl Viscous {
+    fn of(arm: &Arm, j: usize) -> Self {
+        let stiffness = arm.cables[j].tangent_stiffness(0.0);
+        let radius_m = arm.transmission.link_radius_m[j];
+        Self { cable_s: 2.0 * arm.cables[j].damping / stiffness, joint_s: arm.link_friction[j].viscous / (stiffness * radius_m * radius_m) }
+    }
 }
 
 /// Joints at rest in one pose.
@@ -174,6 +223,48 @@ mod tests {
         let radius_m = arm.transmission.link_radius_m[1];
         arm.link_friction[1].coulomb = arm.cables[1].force(0.1 * radius_m, 0.0) * radius_m;
         arm
+    }
+
+    #[test]
+    fn friction_holds_joints_at_first_where_the_file_says() {
+        let mut arm = with_play();
+        let wanted = Vector3::new(0.5, 1.2, 0.4);
+        let motor = MotorTrack { time_s: vec![0.0, 1.0, 2.0], angle: vec![arm.transmission.motor_from_joint(&wanted); 3] };
+        // Pauses bring joints to the middle of their play, and this is one motion.
+        let motor = MotorTrack { time_s: motor.time_s.iter().map(|t| t * 0.4).collect(), ..motor };
+        for lag in [-1.0, 0.4] {
+            arm.link_friction[1].lag_at_start = lag;
+            let rolled = LinkModel::new(arm.clone()).rollout_gripped(&motor, &[0.0, 0.8]);
+            let played = [&behind_play(&arm, &motor), &behind_friction(&arm, &motor)].map(|behind| behind.angle[2]);
+            let played = played.map(|angle| arm.transmission.joint_from_motor(&angle)[1]);
+            let rolled = rolled.iter().map(|state| state.unwrap().position[1]);
+            for found in rolled.chain(played) {
+                approx::assert_relative_eq!(found, 1.2 - 0.1 * lag, epsilon = 1e-3);
+            }
+        }
+    }
+
+    /// A cable of a twentieth of its stiffness, slopes of which were off where links without inertia followed at once.
+    #[test]
+    fn a_soft_cable_stretches_as_its_damper_lets_it() {
+        let mut arm = nominal::gold().arm().unwrap();
+        arm.cables[1].stiffness *= 0.05;
+        arm.link_friction[1].held_part = 1.0;
+        let time_s: Vec<f64> = (0..10_000).map(|k| f64::from(k) * 1e-3).collect();
+        let wanted = |t: f64| Vector3::new(0.8, 1.5 + 0.3 * (t * 1.5).sin(), 0.35);
+        let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&wanted(t))).collect(), time_s };
+        let times: Vec<f64> = (20..99).map(|k| f64::from(k) * 0.1).collect();
+        let miss = |arm: &Arm, damped: &Arm| {
+            let rolled = LinkModel::new(arm.clone()).rollout_gripped(&motor, &times);
+            let (behind, links) = (behind_friction(damped, &motor), LinkModel::new(arm.clone()));
+            let settled = times.iter().map(|&t| links.settled(&behind.at(t).unwrap().0, &Vector3::zeros())[1]);
+            let miss = settled.zip(rolled).map(|(settled, state)| settled - state.unwrap().position[1]);
+            crate::stats::rms(&miss.collect::<Vec<_>>()).unwrap()
+        };
+        let mut undamped = arm.clone();
+        undamped.cables[1].damping = 0.0;
+        // Inertia remains, by a third of a degree per rad/s^2 on such a cable.
+        assert!(miss(&arm, &arm) < 0.5 * miss(&arm, &undamped), "{} of {}", miss(&arm, &arm), miss(&arm, &undamped));
     }
 
     fn joints_behind_play(arm: &Arm, wanted: &[Vector3<f64>]) -> Vec<Vector3<f64>> {

@@ -92,7 +92,7 @@ fn links_settle_where_the_cables_hold_them() {
     let model = LinkModel::new(nominal().arm().unwrap());
     let motor = model.arm().transmission.motor_from_joint(&joint(45.0, 90.0, 0.35));
     let settled = model.settled(&motor, &Vector3::zeros());
-    let state = LinkState { position: settled, rate: Vector3::zeros() };
+    let state = LinkState::new(settled, Vector3::zeros());
     assert_relative_eq!(model.acceleration(&state, &motor, &Vector3::zeros()), Vector3::zeros(), epsilon = 1e-3);
 }
 
@@ -101,8 +101,7 @@ fn a_coarse_step_is_as_good_as_twenty_fine_ones() {
     let model = LinkModel::new(nominal().arm().unwrap());
     let transmission = &model.arm().transmission;
     let path = |t: f64| joint(45.0, 90.0, 0.35) + Vector3::new(0.3 * (6.0 * t).sin(), 0.2 * (9.0 * t).sin(), 0.02 * (12.0 * t).sin());
-    let start =
-        LinkState { position: model.settled(&transmission.motor_from_joint(&path(0.0)), &Vector3::repeat(1.0)), rate: Vector3::zeros() };
+    let start = LinkState::new(model.settled(&transmission.motor_from_joint(&path(0.0)), &Vector3::repeat(1.0)), Vector3::zeros());
     let (mut coarse, mut fine) = (start, start);
     for k in 0..1000 {
         let (now, next) = [k, k + 1].map(|k| transmission.motor_from_joint(&path(f64::from(k) * 1e-3))).into();
@@ -124,7 +123,7 @@ fn energy_is_conserved_without_friction_and_cables() {
         joint.cable = Some(Cable::new(0.0, 0.0));
     }
     let model = LinkModel::new(robot.arm().unwrap());
-    let mut state = LinkState { position: joint(45.0, 90.0, 0.35), rate: Vector3::new(0.3, -0.2, 0.05) };
+    let mut state = LinkState::new(joint(45.0, 90.0, 0.35), Vector3::new(0.3, -0.2, 0.05));
     let kinetic = |s: &LinkState| 0.5 * s.rate.dot(&(model.arm().dynamics.mass_matrix(&s.position) * s.rate));
     let before = kinetic(&state);
     let mut gravity_work = 0.0;

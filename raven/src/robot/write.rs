@@ -150,7 +150,8 @@ fn joint_yaml(joint: &Joint) -> String {
         let _ = write!(text, "\n    motor: {{inertia: {inertia}, coulomb_friction: {coulomb}, viscous_friction: {viscous}}}");
     }
     if let Some(f) = joint.link_friction {
-        let mut more = departure(("per_load", f.per_load, 0.0)) + &departure(("held_part", f.held_part, 0.0));
+        let mut more =
+            [("per_load", f.per_load, 0.0), ("held_part", f.held_part, 0.0), ("lag_at_start", f.lag_at_start, 0.0)].map(departure).concat();
         more.extend(f.stiction_speed.map(|speed| format!(", stiction_speed: {}", yaml_float(speed))));
         let _ = write!(text, "\n    link_friction: {{coulomb: {}, viscous: {}{more}}}", yaml_float(f.coulomb), yaml_float(f.viscous));
     }

@@ -18,6 +18,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "slope_factor", unit: "1", scale: Scale::Factor(0.7), tolerance: Some(|_, _| 0.7) },
         // Nor whether it holds a joint that rests: a dry bearing does, a wet one gives way.
         Parameter { name: "held_part", unit: "1", scale: Scale::Magnitude(Size::of(1.0)), tolerance: Some(|_, _| 1.0) },
+        // Where it held the joint when the recording began.
+        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.6), tolerance: Some(|_, _| 0.6) },
     ],
     channels: &[Channel::Tip, Channel::Torque],
     ties: &[Tie { id: "motor-coulomb-friction", exact: false }, Tie { id: "hysteresis", exact: false }],
@@ -28,6 +30,7 @@ pub const EFFECT: Effect = Effect {
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
             friction.held_part = held(friction.held_part, values[2]);
+            friction.lag_at_start = values[3].clamp(-1.0, 1.0);
             // More friction takes more speed to build up: its slope at rest is the bearing's. One much steeper than the model's looks the
             // same, and takes ever smaller steps. A file that leaves the speed to the model goes on doing so.
             let slope = values[1].min(STEEPEST);
@@ -52,12 +55,14 @@ pub const AMOUNT: Amount = Amount {
             Parameter { name: "amount", unit: "joint force", scale: Scale::Magnitude(Size::of(0.5)), tolerance: None },
             EFFECT.parameters[1],
             EFFECT.parameters[2],
+            EFFECT.parameters[3],
         ],
         act: |model, place, values| {
             let usual = stiction_speed(model.robot.joints[place.first].kind);
             let friction = model.link_friction_mut(place.first);
             friction.coulomb = values[0];
             friction.held_part = held(friction.held_part, values[2]);
+            friction.lag_at_start = values[3].clamp(-1.0, 1.0);
             friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) / values[1].min(STEEPEST));
         },
         ..EFFECT

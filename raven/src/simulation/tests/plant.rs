@@ -73,6 +73,37 @@ fn resting_joints_are_where_the_static_model_has_them() {
     }
 }
 
+/// The lab lets friction choose among velocities, the model bends bristles; play in what drives the links swings on soft cables for seconds.
+#[test]
+fn links_that_friction_grips_go_where_the_labs_do() {
+    use crate::robot::MotorTrack;
+    for (name, factor) in [("elbow", 1.0), ("elbow", 0.1), ("shoulder", 0.05), ("insertion", 0.05)] {
+        let mut robot = nominal::gold();
+        let path = Trajectory::of(Motion::Fls(0), 20.0, &robot.arm().unwrap().limits, Vector3::zeros(), &mut rng(5));
+        let trace = session(&robot, &[&format!("cable-stretch:{name}={factor}")], &path, 20.0);
+        let samples = trace.samples();
+        let every = || (0..samples.len()).step_by(2);
+        let motor =
+            MotorTrack { time_s: every().map(|k| k as f64 * 1e-3).collect(), angle: every().map(|k| samples[k].cycle.motor).collect() };
+        // Once all have moved: what held them before the recording began is not known.
+        let seen: Vec<usize> = (40..198).map(|k| k * 100).collect();
+        let times: Vec<f64> = seen.iter().map(|&k| k as f64 * 1e-3).collect();
+        let j = robot.joint_index(name).unwrap();
+        if let Some(cable) = &mut robot.joints[j].cable {
+            cable.stiffness *= factor;
+        }
+        robot.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.held_part = 1.0);
+        let arm = robot.arm().unwrap();
+        let links = LinkModel::new(arm.clone());
+        let miss = |states: Vec<Option<crate::robot::LinkState>>| {
+            let miss = states.iter().zip(&seen).map(|(state, &k)| state.unwrap().position[j] - samples[k].joint[j]);
+            crate::stats::rms(&miss.collect::<Vec<_>>()).unwrap()
+        };
+        let (gripped, played) = (miss(links.rollout_gripped(&motor, &times)), miss(links.rollout(&arm.driving(&motor), &times)));
+        assert!(gripped < 0.2 * played, "{name} {factor}: {gripped} of {played}");
+    }
+}
+
 #[test]
 fn stiff_cables_make_encoders_and_joints_agree() {
     let robot = stiff();
