@@ -77,7 +77,7 @@ mod tests {
         let coupling = sized("cable-coupling:shoulder->elbow=0.02").unwrap();
         assert_eq!(coupling.sited.joint(&nominal::gold()).as_deref(), Some("shoulder->elbow"));
         assert_eq!(sized("creep:elbow=2").unwrap().values, [2.0, 30.0, 0.0]);
-        assert_eq!(sized("link-coulomb-friction:elbow=3").unwrap().values, [3.0, 1.0, 0.0]);
+        assert_eq!(sized("link-coulomb-friction:elbow=3").unwrap().values, [3.0, 1.0, 0.0, 0.0]);
     }
 
     #[test]
