@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The motor angle is measured, so it is an input; the state is `[q, qd]`, 6x1 [rad, rad, m, rad/s, rad/s, m/s]. Friction that holds
-//! `(held_part)` is in the motor angle as [play](super::stiction), or [grips](super::grip) the joints if the state says where.
+//! (`held_part`) is in the motor angle as [play](super::stiction), or [grips](super::grip) the joints if the state says where.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -104,9 +104,10 @@ impl LinkModel {
 
     /// Where joints are held that have come to a state.
     fn slid(&self, state: &LinkState, motor: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let anchor = state.anchor?;
         let stretch = self.arm.transmission.stretch_m(motor, &state.position);
         let tension = Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], 0.0));
-        state.anchor.map(|anchor| self.grip.slid(&anchor, &state.position, &self.holding_n(&tension)))
+        Some(self.grip.slid(&anchor, &state.position, &self.holding_n(&tension)))
     }
 
     fn rigid_body(&self, state: &LinkState) -> RigidBody {

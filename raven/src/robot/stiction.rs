@@ -12,8 +12,8 @@
 //! At the speeds of surgery the links' inertia does not matter, so a joint behind a spring with Coulomb friction is where a free joint
 //! would be if the motors had wound no more than that. The play is the joint's and not the cable's: a motor that makes up for another
 //! joint's motion moves nothing, and a load that changes has to overcome friction too. Unlike friction that is smoothed around rest, play
-//! does not creep while the robot holds still. It serves filters, whose state has no place for where friction [grips](super::grip) a joint, and
-//! slopes. Source of the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
+//! does not creep while the robot holds still. It serves filters, whose state has no place for where friction has hold of a joint, and
+//! slopes; rollouts have bristles instead. Source of the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
 
 use nalgebra::Vector3;
 
@@ -55,13 +55,12 @@ pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
             return sliding + (lag - sliding) * (-in_s / (cable_s + joint_s)).exp();
         }
         let most = arm.link_friction[j].held_part * half;
-        if most < half {
-            let kept = (-in_s / (cable_s + (half - most) / arm.stiction_speed(j))).exp();
-            let holding = held.clamp(-most, most);
-            holding + (held - holding) * kept
-        } else {
-            held
+        if most >= half {
+            return held;
         }
+        let kept = (-in_s / (cable_s + (half - most) / arm.stiction_speed(j))).exp();
+        let holding = held.clamp(-most, most);
+        holding + (held - holding) * kept
     };
     let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * arm.link_friction[j].held_part * half;
     played(arm, motor, LOAD_AT_REST_S, STEP_AT_REST_S, &|_| 1.0, &start, &follow)
@@ -229,9 +228,8 @@ mod tests {
     fn friction_holds_joints_at_first_where_the_file_says() {
         let mut arm = with_play();
         let wanted = Vector3::new(0.5, 1.2, 0.4);
-        let motor = MotorTrack { time_s: vec![0.0, 1.0, 2.0], angle: vec![arm.transmission.motor_from_joint(&wanted); 3] };
-        // Pauses bring joints to the middle of their play, and this is one motion.
-        let motor = MotorTrack { time_s: motor.time_s.iter().map(|t| t * 0.4).collect(), ..motor };
+        // Without a pause, which would bring joints to the middle of their play.
+        let motor = MotorTrack { time_s: vec![0.0, 0.4, 0.8], angle: vec![arm.transmission.motor_from_joint(&wanted); 3] };
         for lag in [-1.0, 0.4] {
             arm.link_friction[1].lag_at_start = lag;
             let rolled = LinkModel::new(arm.clone()).rollout_gripped(&motor, &[0.0, 0.8]);
