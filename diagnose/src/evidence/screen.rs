@@ -213,6 +213,8 @@ impl Fitter<'_> {
                 Scale::Magnitude(_) => &[0.15, 0.5, 1.5],
                 Scale::Shape { .. } if alone && is_cheap => &fine,
                 Scale::Shape { .. } if alone => &[-2.5, -1.5, -0.5, 0.5, 1.5],
+                // A second shape is left to the fit.
+                Scale::Shape { .. } if starts[0].iter().zip(parameters).any(|(_, p)| matches!(p.scale, Scale::Shape { .. })) => &[0.0],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
                 Scale::State(_) => &[0.0, 1.0],
                 Scale::Whole { .. } => &whole,

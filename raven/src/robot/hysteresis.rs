@@ -1,11 +1,12 @@
 //! Rate-independent hysteresis between capstan and cable: the cable's end lags behind the capstan by up to `h`, whatever the load.
 //!
 //! ```text
-//! dz / dx = (h / l) (1 - |z / h| (1 + sign(z dx)) / 2)
+//! dz / dx = (h / l) min(1, (1 - z / h) / (1 - s))        for a travel dx > 0
 //! ```
 //!
-//! After a reversal the lag `z` falls to zero in proportion to the travel, over `l`, and then approaches `h` (Bouc 1967, Wen 1976, with
-//! exponent one and `beta = gamma`); a sharp play has its whole lag after `2 h`.
+//! After a reversal the lag `z` changes in proportion to the travel, by `h` over `l`, until it has come to the part `s` of `h`, and then
+//! approaches `h`. With `s = 0` that is Bouc's and Wen's law (Bouc 1967, Wen 1976, with exponent one and `beta = gamma`); with `s` near one and
+//! `l = h` it is a sharp play, which has its whole lag after `2 h`.
 
 use std::borrow::Cow;
 
@@ -25,6 +26,9 @@ pub struct Hysteresis {
     /// `l`: travel over which the lag turns after a reversal.
     #[serde(default = "usual_length")]
     pub length: f64,
+    /// `s`: part of the half loop up to which the lag turns in proportion to the travel [0 to 1].
+    #[serde(default)]
+    pub straight_part: f64,
     /// Lag at a recording's start, as a part of `half_loop` [-1 to 1]: what the motion before left.
     #[serde(default)]
     pub lag_at_start: f64,
@@ -38,7 +42,7 @@ fn usual_length() -> f64 {
 impl Default for Hysteresis {
     /// None.
     fn default() -> Self {
-        Self { half_loop: 0.0, length: usual_length(), lag_at_start: 0.0 }
+        Self { half_loop: 0.0, length: usual_length(), straight_part: 0.0, lag_at_start: 0.0 }
     }
 }
 
@@ -66,35 +70,39 @@ impl Arm {
 /// The motors' motion behind the hysteresis of each cable: what is wound. `ratio` is motor motion per joint motion.
 #[must_use]
 pub fn behind_hysteresis(hysteresis: &[Hysteresis; 3], ratio: &Vector3<f64>, motor: &MotorTrack) -> MotorTrack {
-    let per_joint = |of: fn(&Hysteresis) -> f64| Vector3::from_fn(|j, _| of(&hysteresis[j]) * ratio[j]);
-    let (half_rad, length_rad) = (per_joint(|h| h.half_loop), per_joint(|h| h.length));
-    let start_rad = half_rad.component_mul(&Vector3::from_fn(|j, _| hysteresis[j].lag_at_start));
+    let half_rad = Vector3::from_fn(|j, _| hysteresis[j].half_loop * ratio[j]);
+    let length_rad = Vector3::from_fn(|j, _| hysteresis[j].length * ratio[j]);
+    // As parts of half a loop.
     let mut lag = Vector3::zeros();
     let mut last: Option<(f64, Vector3<f64>)> = None;
     let angle = motor.time_s.iter().zip(&motor.angle).map(|(&time_s, angle)| {
         match last.filter(|(before_s, _)| time_s - before_s <= PAUSE_MAX_S) {
-            Some((_, before)) => lag = Vector3::from_fn(|j, _| lagging(lag[j], half_rad[j], length_rad[j], angle[j] - before[j])),
-            None if last.is_none() => lag = start_rad,
+            Some((_, before)) => {
+                let travel = |j: usize| if half_rad[j] == 0.0 { 0.0 } else { (angle[j] - before[j]) / length_rad[j] };
+                lag = Vector3::from_fn(|j, _| lagging(lag[j], hysteresis[j].straight_part, travel(j)));
+            }
+            None if last.is_none() => lag = Vector3::from_fn(|j, _| hysteresis[j].lag_at_start),
             None => lag = Vector3::zeros(),
         }
         last = Some((time_s, *angle));
-        angle - lag
+        angle - lag.component_mul(&half_rad)
     });
     MotorTrack { angle: angle.collect(), time_s: motor.time_s.clone() }
 }
 
-/// Lag after a travel, exactly.
-fn lagging(lag: f64, half: f64, length: f64, travel: f64) -> f64 {
-    if travel == 0.0 || half == 0.0 {
+/// Lag, as a part of half a loop, after a travel in lengths `l`, exactly.
+fn lagging(lag: f64, straight_part: f64, travel: f64) -> f64 {
+    if travel == 0.0 {
         return lag;
     }
-    let target = half * travel.signum();
-    let to_zero = if lag * target < 0.0 { (lag / half).abs() * length } else { 0.0 };
-    if travel.abs() < to_zero {
-        return lag + half / length * travel;
+    let (way, towards, travel) = (travel.signum(), lag * travel.signum(), travel.abs());
+    let straight = (straight_part - towards).max(0.0);
+    if travel < straight {
+        return way * (towards + travel);
     }
-    let lag = if to_zero > 0.0 { 0.0 } else { lag };
-    target + (lag - target) * (-(travel.abs() - to_zero) / length).exp()
+    let short_of_all = 1.0 - towards.max(straight_part);
+    let rounded = (1.0 - straight_part).max(f64::MIN_POSITIVE);
+    way * (1.0 - short_of_all * ((straight - travel) / rounded).exp())
 }
 
 #[cfg(test)]
@@ -102,6 +110,29 @@ mod tests {
     use super::*;
     use crate::robot::nominal;
     use approx::assert_relative_eq;
+
+    #[test]
+    fn a_straight_lag_turns_as_a_sharp_play() {
+        let sharp = |lag: f64, travel: f64| lagging(lag, 1.0 - 1e-9, travel);
+        for (lag, travel, expected) in
+            [(1.0, -0.5, 0.5), (1.0, -2.5, -1.0), (-0.3, 0.9, 0.6), (0.7, 0.1, 0.8), (0.7, 1.0, 1.0), (0.2, 0.0, 0.2)]
+        {
+            assert_relative_eq!(sharp(lag, travel), expected, epsilon = 1e-8);
+        }
+    }
+
+    #[test]
+    fn a_rounded_lag_follows_bouc_and_wen() {
+        for straight_part in [0.0, 0.4] {
+            let mut lag = 1.0;
+            let steps = 200_000;
+            for _ in 0..steps {
+                let slope = f64::min(1.0, (1.0 + lag) / (1.0 - straight_part));
+                lag -= slope * 3.0 / f64::from(steps);
+            }
+            assert_relative_eq!(lagging(1.0, straight_part, -3.0), lag, epsilon = 1e-5);
+        }
+    }
 
     #[test]
     fn the_loop_is_twice_the_half_loop_at_any_speed() {

@@ -4,7 +4,7 @@ use super::{JointType, KinematicsKind, Observation, Robot};
 use crate::Result;
 
 /// Numbers of a joint, with their units on a revolute and on a prismatic joint.
-const OF_JOINT: [(&str, [&str; 2]); 20] = [
+const OF_JOINT: [(&str, [&str; 2]); 21] = [
     ("gear_ratio", ["1", "1"]),
     ("motor_capstan_radius", ["m", "m"]),
     ("link_pulley_radius", ["m", "1"]),
@@ -12,6 +12,7 @@ const OF_JOINT: [(&str, [&str; 2]); 20] = [
     ("hysteresis.half_loop", ["rad", "m"]),
     ("hysteresis.lag_at_start", ["1", "1"]),
     ("hysteresis.length", ["rad", "m"]),
+    ("hysteresis.straight_part", ["1", "1"]),
     ("cable.stiffness", ["N", "N"]),
     ("cable.damping", ["N s/m", "N s/m"]),
     ("cable.exponent_length", ["m", "m"]),
@@ -92,6 +93,7 @@ impl Robot {
                     ["hard_stop"] => Some(&mut joint.hard_stop),
                     ["hysteresis", "lag_at_start"] => Some(&mut joint.hysteresis.lag_at_start),
                     ["hysteresis", "half_loop"] => Some(&mut joint.hysteresis.half_loop),
+                    ["hysteresis", "straight_part"] => Some(&mut joint.hysteresis.straight_part),
                     ["hysteresis", "length"] => Some(&mut joint.hysteresis.length),
                     ["cable", "stiffness"] => joint.cable.as_mut().map(|c| &mut c.stiffness),
                     ["cable", "damping"] => joint.cable.as_mut().map(|c| &mut c.damping),

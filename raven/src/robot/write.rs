@@ -134,9 +134,9 @@ fn joint_yaml(joint: &Joint) -> String {
         key("motor_at_hard_stop", motor);
     }
     if joint.hysteresis != Hysteresis::default() {
-        let Hysteresis { half_loop, length, lag_at_start } = joint.hysteresis;
-        let start = departure(("lag_at_start", lag_at_start, 0.0));
-        let _ = write!(text, "\n    hysteresis: {{half_loop: {}, length: {}{start}}}", yaml_float(half_loop), yaml_float(length));
+        let Hysteresis { half_loop, length, straight_part, lag_at_start } = joint.hysteresis;
+        let more = [("straight_part", straight_part, 0.0), ("lag_at_start", lag_at_start, 0.0)].map(departure).concat();
+        let _ = write!(text, "\n    hysteresis: {{half_loop: {}, length: {}{more}}}", yaml_float(half_loop), yaml_float(length));
     }
     if let Some(limits) = joint.limits {
         let _ = write!(text, "\n    limits: {}", list(&limits));

@@ -12,6 +12,8 @@ pub const EFFECT: Effect = Effect {
     parameters: &[
         Parameter { name: "half_loop", unit: "joint", scale: Scale::Magnitude(Size::per_kind(0.008, 0.001)), tolerance: None },
         Parameter { name: "rounding", unit: "1", scale: Scale::Shape { middle: 1.5, size: 0.4 }, tolerance: None },
+        // Of the way back: straight, as in a sharp play, per rounded.
+        Parameter { name: "straightness", unit: "1", scale: Scale::Shape { middle: 0.3, size: 1.5 }, tolerance: None },
         // What the motion before the recording left.
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
@@ -23,7 +25,8 @@ pub const EFFECT: Effect = Effect {
         *hysteresis = Hysteresis {
             half_loop: hysteresis.half_loop + values[0],
             length: values[1] * values[0],
-            lag_at_start: values[2].clamp(-1.0, 1.0),
+            straight_part: values[2] / (1.0 + values[2]),
+            lag_at_start: values[3].clamp(-1.0, 1.0),
         };
     },
 };
