@@ -9,7 +9,7 @@ use raven::observation::{TipCorrection, three_joints};
 use raven::robot::{Arm, Robot};
 
 use crate::evidence::bench::{Bench, Signs};
-use crate::evidence::data::{Data, WINDOW_S};
+use crate::evidence::data::Data;
 use crate::evidence::rows::Rows;
 
 /// Longest pause that is bridged [s].
@@ -80,8 +80,7 @@ impl Deviation {
         let rows = Rows::new(robot, cameras, &data)?;
         let [data] = &data;
         let model = rows.model(&[])?;
-        let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
-        let (seen, moving) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &times, WINDOW_S);
+        let (seen, tensions) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &data.shafts);
         let mut tip = Series::default();
         for (sight, seen) in data.sights.iter().zip(seen) {
             if let Some(seen) = seen {
@@ -90,9 +89,9 @@ impl Deviation {
         }
         let drives = TorqueModel::new(&model)?;
         let mut torque = <[Series; 3]>::default();
-        for ((shaft, moving), weight) in data.shafts.iter().zip(moving).zip(rows.torque_weights(0)) {
-            let moving = moving.unwrap_or_else(|| drives.rigid(shaft));
-            let lacking = drives.delivered(&shaft.commanded) - drives.needed(shaft, &moving);
+        for ((shaft, tension), weight) in data.shafts.iter().zip(tensions).zip(rows.torque_weights(0)) {
+            let tension_n = tension.unwrap_or_else(|| drives.rigid_n(shaft));
+            let lacking = drives.delivered(&shaft.commanded) - drives.needed(shaft, &tension_n);
             push_counted(&mut torque, shaft.time_s, &lacking, weight);
         }
         Ok(Self {

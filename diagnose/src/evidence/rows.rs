@@ -16,8 +16,9 @@ pub(super) const TORQUE_ALIKE_S: f64 = 0.2;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s].
 pub(crate) const CREEP_RAD_S: f64 = 1.0;
 
-/// Part of a joint's dry friction that is not known near rest, and how slow that is in speeds below which friction fades.
-pub(super) const NEAR_REST: f64 = 0.5;
+/// Part of a joint's dry friction that is not known near rest, however it holds, and how slow that is in speeds below which friction fades. In
+/// slow motion of the virtual lab's elbow a twentieth to an eighth of it stays unexplained.
+pub(super) const NEAR_REST: f64 = 0.15;
 pub(super) const SLOW: f64 = 10.0;
 /// How many times the dry friction that was assumed makes a difference to that.
 const MORE_FRICTION: f64 = 1.5;
@@ -201,9 +202,13 @@ impl Observed for Rows<'_> {
             let sights = if with_tip { data.sights.as_slice() } else { &[] };
             let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
             let tip = TipModel::new(&model, &data.motors)?;
-            let (seen, moving) = match links {
-                Links::RolledOut => tip.rolled_out(sights, &shafts.iter().map(|shaft| shaft.time_s).collect::<Vec<_>>(), WINDOW_S),
-                Links::Settled => (tip.settled(sights), vec![None; shafts.len()]),
+            let (seen, tensions) = match links {
+                Links::RolledOut => tip.rolled_out(sights, shafts),
+                Links::Settled => {
+                    let dragged = tip.dragged();
+                    let tension = |shaft: &Shaft| Some(torque.dragged_n(shaft, &dragged.drag_about(shaft.time_s, 0.5 * shaft.window_s)?));
+                    (tip.settled(sights, &dragged), shafts.iter().map(tension).collect())
+                }
             };
             for ((sight, whiten), seen) in sights.iter().zip(whiten).zip(seen) {
                 let row = seen.map_or_else(Vector3::zeros, |seen| whiten * (sight.position_m - seen));
@@ -211,9 +216,9 @@ impl Observed for Rows<'_> {
             }
             let delivered: Vec<Vector3<f64>> = shafts.iter().map(|shaft| torque.delivered(&shaft.commanded)).collect();
             let per_delivered = commanded_per_delivered(shafts.iter().map(|shaft| shaft.commanded).zip(delivered.iter().copied()), weights);
-            for (((shaft, weight), moving), delivered) in shafts.iter().zip(weights).zip(moving).zip(delivered) {
-                let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
-                let lacking = delivered - torque.needed(shaft, &moving);
+            for (((shaft, weight), tension), delivered) in shafts.iter().zip(weights).zip(tensions).zip(delivered) {
+                let tension_n = tension.unwrap_or_else(|| torque.rigid_n(shaft));
+                let lacking = delivered - torque.needed(shaft, &tension_n);
                 let whitened = lacking.component_mul(weight).component_mul(&per_delivered);
                 torques.extend(whitened.zip_map(&torque.clipped(&shaft.commanded), with_clipping).iter());
             }

@@ -11,12 +11,23 @@
 use nalgebra::Vector3;
 
 use super::torque::Shafts;
-use super::{LinkMotion, Model, Shaft};
+use super::{Model, Shaft};
 use crate::Result;
 use crate::robot::{
     Cable, Hysteresis, JointType, MotorTrack, PAUSE_MAX_S, Transmission, ViscousCoulomb, behind_hysteresis, stiction_speed,
 };
 use crate::robot::{Cables, wound_by};
+
+/// How the links move about one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkMotion {
+    /// [rad, rad, m].
+    pub position: Vector3<f64>,
+    /// [rad/s, rad/s, m/s].
+    pub rate: Vector3<f64>,
+    /// [rad/s^2, rad/s^2, m/s^2].
+    pub acceleration: Vector3<f64>,
+}
 
 /// A drive at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -16,7 +16,7 @@ mod tip;
 mod torque;
 mod view;
 
-pub use bench::{BenchModel, Driven, Tension};
+pub use bench::{BenchModel, Driven, LinkMotion, Tension};
 pub use document::document;
 pub use library::{ALL, AMOUNTS};
 pub use listed::{Home, clock_drift, within_images};
@@ -25,7 +25,7 @@ pub use measure::Measure;
 pub use model::{Drive, Model};
 pub use parameter::{Parameter, Scale, Size};
 pub use tip::{Sight, TipModel};
-pub use torque::{LinkMotion, Shaft, TorqueModel};
+pub use torque::{Shaft, TorqueModel};
 pub use view::View;
 
 use std::collections::BTreeSet;

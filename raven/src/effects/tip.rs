@@ -4,10 +4,24 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{LinkMotion, Model};
+use super::{Model, Shaft};
 use crate::Result;
-use crate::robot::stiction::behind_friction;
+use crate::robot::stiction::{Dragged, behind_friction};
 use crate::robot::{LinkModel, LinkState, MotorTrack};
+
+/// How often a window is looked at. A stiff cable is wound within milliseconds where its joint turns round.
+const NODES: usize = 11;
+/// Times that are closer are the same [s].
+const ALIKE_S: f64 = 1e-9;
+
+/// Where in half a window a node is [-1 to 1].
+fn node(k: usize) -> f64 {
+    2.0 * (k + 1) as f64 / (NODES + 1) as f64 - 1.0
+}
+
+fn nodes_s(shaft: &Shaft) -> [f64; NODES] {
+    std::array::from_fn(|k| shaft.time_s + 0.5 * shaft.window_s * node(k))
+}
 
 /// A tip to be predicted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,50 +58,83 @@ impl<'a> TipModel<'a> {
         Ok(Self { model, links: LinkModel::new(arm), motors })
     }
 
-    /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording; and how
-    /// the links move within each of `windows` of a width. `None` where the motors are not known.
+    /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording; and the
+    /// cables' tension differences [N], averaged over the window of each of `shafts` as its torque is. `None` where the motors are not known.
     #[must_use]
-    pub fn rolled_out(&self, sights: &[Sight], windows: &[f64], width_s: f64) -> (Vec<Option<Vector3<f64>>>, Vec<Option<LinkMotion>>) {
+    pub fn rolled_out(&self, sights: &[Sight], shafts: &[Shaft]) -> (Vec<Option<Vector3<f64>>>, Vec<Option<Vector3<f64>>>) {
         let shown = sights.iter().map(|sight| self.model.view.shown_at_s(sight.stamp_s));
-        let within = windows.iter().flat_map(|&t| [t - 0.5 * width_s, t, t + 0.5 * width_s]);
-        let times: Vec<f64> = shown.chain(within).collect();
+        let times: Vec<f64> = shown.chain(shafts.iter().flat_map(nodes_s)).collect();
+        let states = self.states(&times);
+        let (of_sights, of_shafts) = states.split_at(sights.len());
+        let stretch_m: Vec<Option<Vector3<f64>>> =
+            times[sights.len()..].iter().zip(of_shafts).map(|(&time_s, state)| self.stretch_m(time_s, state)).collect();
+        let tension = |(shaft, stretch_m): (&Shaft, &[Option<Vector3<f64>>])| {
+            let stretch_m: Vec<Vector3<f64>> = stretch_m.iter().copied().collect::<Option<_>>()?;
+            Some(self.averaged_tension_n(&stretch_m, shaft.window_s / (NODES + 1) as f64))
+        };
+        (self.seen(sights, of_sights), shafts.iter().zip(stretch_m.chunks(NODES)).map(tension).collect())
+    }
+
+    /// Of stretches at the nodes of a window, which are so far apart in time.
+    fn averaged_tension_n(&self, stretch_m: &[Vector3<f64>], apart_s: f64) -> Vector3<f64> {
+        let cables = &self.links.arm().cables;
+        let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
+        for (k, at) in stretch_m.iter().enumerate() {
+            let (before, after) = (k.saturating_sub(1), (k + 1).min(NODES - 1));
+            let rate = (stretch_m[after] - stretch_m[before]) / ((after - before) as f64 * apart_s);
+            let weight = (1.0 - node(k).powi(2)).powi(2);
+            sum += Vector3::from_fn(|j, _| cables[j].force(at[j], rate[j])) * weight;
+            weights += weight;
+        }
+        sum / weights
+    }
+
+    /// Where the links are at times in any order; at equal ones they are looked at once.
+    fn states(&self, times: &[f64]) -> Vec<Option<LinkState>> {
         let mut order: Vec<usize> = (0..times.len()).collect();
         order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
-        let sorted: Vec<f64> = order.iter().map(|&k| times[k]).collect();
+        let mut sorted: Vec<f64> = order.iter().map(|&k| times[k]).collect();
+        sorted.dedup_by(|later, earlier| *later - *earlier < ALIKE_S);
+        let rolled = self.links.rollout_gripped(&self.motors, &sorted);
         let mut states = vec![None; times.len()];
-        for (k, state) in order.into_iter().zip(self.links.rollout_gripped(&self.motors, &sorted)) {
-            states[k] = state;
+        let mut at = 0;
+        for k in order {
+            if times[k] - sorted[at] >= ALIKE_S {
+                at += 1;
+            }
+            states[k] = rolled[at];
         }
-        let moving = states.split_off(sights.len());
-        let motions = moving.chunks(3).map(|three| match three {
-            [Some(before), Some(at), Some(after)] => Some(LinkMotion {
-                position: at.position,
-                rate: (after.position - before.position) / width_s,
-                acceleration: (after.position - at.position * 2.0 + before.position) * (4.0 / (width_s * width_s)),
-            }),
-            _ => None,
-        });
-        let motions = motions.collect();
-        (self.seen(sights, states), motions)
+        states
+    }
+
+    fn stretch_m(&self, time_s: f64, state: &Option<LinkState>) -> Option<Vector3<f64>> {
+        let (motor, _) = self.motors.at(time_s)?;
+        Some(self.links.arm().transmission.stretch_m(&motor, &state.as_ref()?.position))
+    }
+
+    /// The links without inertia, against all their friction.
+    #[must_use]
+    pub fn dragged(&self) -> Dragged {
+        behind_friction(self.links.arm(), &self.motors)
     }
 
     /// Predictions with links without inertia, at rest where cables and friction hold them: fifty times as fast, good for slopes.
     #[must_use]
-    pub fn settled(&self, sights: &[Sight]) -> Vec<Option<Vector3<f64>>> {
-        let free = behind_friction(self.links.arm(), &self.motors);
+    pub fn settled(&self, sights: &[Sight], dragged: &Dragged) -> Vec<Option<Vector3<f64>>> {
+        let free = &dragged.motors;
         let state = |sight: &Sight| {
             let time_s = self.model.view.shown_at_s(sight.stamp_s);
             let (angle, _) = free.at(time_s)?;
             let rate = self.links.arm().transmission.joint_rate_from_motor(&self.motors.steady(time_s)?.rate);
             Some(LinkState::new(self.links.settled(&angle, &Vector3::zeros()), rate))
         };
-        self.seen(sights, sights.iter().map(state).collect())
+        self.seen(sights, &sights.iter().map(state).collect::<Vec<_>>())
     }
 
-    fn seen(&self, sights: &[Sight], states: Vec<Option<LinkState>>) -> Vec<Option<Vector3<f64>>> {
+    fn seen(&self, sights: &[Sight], states: &[Option<LinkState>]) -> Vec<Option<Vector3<f64>>> {
         let (look, kinematics) = (self.model.view.look(), &self.links.arm().kinematics);
-        let seen = |(sight, state): (&Sight, Option<LinkState>)| {
-            let state = state?;
+        let seen = |(sight, state): (&Sight, &Option<LinkState>)| {
+            let state = state.as_ref()?;
             let (tip_m, jacobian) = kinematics.forward_and_jacobian(&state.position);
             look.seen_m(&tip_m, &(jacobian * state.rate), sight.rows)
         };

@@ -5,7 +5,7 @@
 //! gamma = (1 + C)'^-1 (M qdd + C(q, qd) + G(q) + friction) / r_l
 //! ```
 //!
-//! Where the links' motion is not given they are taken to move as the motors make them move rigidly. That is good to parts in a thousand
+//! Cables' tensions are those of links that are rolled out, or of links that the motors move rigidly. The latter is good to parts in a thousand
 //! of the torque, but for the moments after a reversal in which the links rest and the cables are wound.
 
 use nalgebra::Vector3;
@@ -32,17 +32,6 @@ pub struct Shaft {
     pub commanded: Vector3<f64>,
     /// `2 h` [s]; 0 for values of an instant.
     pub window_s: f64,
-}
-
-/// How the links move about one time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LinkMotion {
-    /// [rad, rad, m].
-    pub position: Vector3<f64>,
-    /// [rad/s, rad/s, m/s].
-    pub rate: Vector3<f64>,
-    /// [rad/s^2, rad/s^2, m/s^2].
-    pub acceleration: Vector3<f64>,
 }
 
 /// Motors and gear boxes.
@@ -132,33 +121,33 @@ impl TorqueModel {
         self.shafts.clipped(commanded)
     }
 
-    /// The links as the motors move them without stretch.
+    /// Tension differences of the cables [N] if they move the links without stretch.
     #[must_use]
-    pub fn rigid(&self, shaft: &Shaft) -> LinkMotion {
-        let transmission = &self.arm.transmission;
-        LinkMotion {
-            position: transmission.joint_from_motor(&shaft.angle),
-            rate: transmission.joint_rate_from_motor(&shaft.rate),
-            acceleration: transmission.joint_rate_from_motor(&shaft.acceleration),
-        }
+    pub fn rigid_n(&self, shaft: &Shaft) -> Vector3<f64> {
+        self.dragged_n(shaft, &self.arm.rubbing(&self.arm.transmission.joint_rate_from_motor(&shaft.rate)))
     }
 
-    /// What they must have delivered [N m] while the links moved so.
+    /// The same with such parts of the links' dry friction [-1 to 1] dragging at them.
     #[must_use]
-    pub fn needed(&self, shaft: &Shaft, links: &LinkMotion) -> Vector3<f64> {
+    pub fn dragged_n(&self, shaft: &Shaft, drag: &Vector3<f64>) -> Vector3<f64> {
         let transmission = &self.arm.transmission;
-        let rate = links.rate;
-        let (mass, bias) = self.arm.dynamics.mass_and_bias(&links.position, &rate);
-        let load = mass * links.acceleration + bias;
-        let way = self.arm.rubbing(&rate);
+        let rate = transmission.joint_rate_from_motor(&shaft.rate);
+        let (mass, bias) = self.arm.dynamics.mass_and_bias(&transmission.joint_from_motor(&shaft.angle), &rate);
+        let load = mass * transmission.joint_rate_from_motor(&shaft.acceleration) + bias;
         let rubbing = |tension: &Vector3<f64>| {
-            Vector3::from_fn(|j, _| self.arm.dry_friction_n(j, tension[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j])
+            Vector3::from_fn(|j, _| self.arm.dry_friction_n(j, tension[j]) * drag[j] + self.arm.link_friction[j].viscous * rate[j])
         };
         let mut tension = transmission.tension_n(&load);
         // Friction that grows with the cable's force is part of what the cable bears.
         for _ in 0..if self.arm.link_friction.iter().any(|friction| friction.per_load > 0.0) { PASSES } else { 1 } {
             tension = transmission.tension_n(&(load + rubbing(&tension)));
         }
-        self.shafts.taken(shaft, &shaft.rate.map(f64::signum)) + self.shafts.passed_on(&tension, &transmission.cable_per_motor_m)
+        tension
+    }
+
+    /// What the drives must have delivered [N m] while the cables pulled with such tension differences [N].
+    #[must_use]
+    pub fn needed(&self, shaft: &Shaft, tension_n: &Vector3<f64>) -> Vector3<f64> {
+        self.shafts.taken(shaft, &shaft.rate.map(f64::signum)) + self.shafts.passed_on(tension_n, &self.arm.transmission.cable_per_motor_m)
     }
 }

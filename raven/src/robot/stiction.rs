@@ -37,13 +37,38 @@ pub fn has_play(arm: &Arm) -> bool {
 pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
     let held = |j: usize| arm.link_friction[j].held_part;
     let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * half;
-    played(arm, motor, LOAD_S, 0.0, &held, &start, &|lag, half, _, wound| (lag + wound.by).clamp(-half, half))
+    played(arm, motor, LOAD_S, 0.0, &held, &start, &|lag, half, _, wound| (lag + wound.by).clamp(-half, half)).motors
 }
 
-/// The motors that would move free joints without inertia or damping as these motors move joints with all their friction, held or giving way,
-/// behind cables that stretch no faster than they are damped.
+/// Joints without inertia, behind all their friction.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Dragged {
+    /// The motors that would move free joints in the same way.
+    pub motors: MotorTrack,
+    /// How much of their dry friction drags at the joints then, and which way [-1 to 1].
+    pub drag: Vec<Vector3<f64>>,
+}
+
+impl Dragged {
+    /// The drag about a time, averaged with the weights `(1 - (t / h)^2)^2` within `h` [s] of it; `None` where nothing is known of it.
+    #[must_use]
+    pub fn drag_about(&self, time_s: f64, h_s: f64) -> Option<Vector3<f64>> {
+        let from = self.motors.time_s.partition_point(|&t| t <= time_s - h_s);
+        let to = self.motors.time_s.partition_point(|&t| t < time_s + h_s);
+        let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
+        for (t, drag) in self.motors.time_s.get(from..to)?.iter().zip(self.drag.get(from..to)?) {
+            let weight = (1.0 - ((t - time_s) / h_s).powi(2)).powi(2);
+            sum += drag * weight;
+            weights += weight;
+        }
+        (weights > 0.0).then(|| sum / weights)
+    }
+}
+
+/// Joints without inertia as these motors move them against all their friction, held or giving way, behind cables that stretch no faster than
+/// they are damped.
 #[must_use]
-pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
+pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> Dragged {
     let viscous = [0, 1, 2].map(|j| Viscous::of(arm, j));
     let follow = |lag: f64, half: f64, j: usize, Wound { by, in_s }: Wound| {
         let Viscous { cable_s, joint_s } = viscous[j];
@@ -89,12 +114,12 @@ fn played(
     part: &dyn Fn(usize) -> f64,
     start: &dyn Fn(f64, usize) -> f64,
     follow: &dyn Fn(f64, f64, usize, Wound) -> f64,
-) -> MotorTrack {
+) -> Dragged {
     let transmission = &arm.transmission;
     // How far joints are behind where rigid cables would have them.
     let (mut behind_rigid, mut rigid_before, mut held) = (Vector3::zeros(), Vector3::zeros(), Held::default());
     let (mut last_s, mut weighed_s) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-    let mut behind = MotorTrack::default();
+    let mut behind = Dragged::default();
     let end_s = motor.time_s.last().copied().unwrap_or_default();
     for (&time_s, angle) in motor.time_s.iter().zip(&motor.angle) {
         if time_s - last_s < step_s && time_s < end_s {
@@ -113,8 +138,12 @@ fn played(
         let wound = |j: usize| Wound { by: rigid[j] - rigid_before[j], in_s: time_s - last_s };
         behind_rigid = held.middle + Vector3::from_fn(|j, _| follow(behind_rigid[j] - held.middle[j], held.half[j], j, wound(j)));
         (rigid_before, last_s) = (rigid, time_s);
-        behind.time_s.push(time_s);
-        behind.angle.push(transmission.motor_from_joint(&(rigid - behind_rigid + held.sag)));
+        behind.motors.time_s.push(time_s);
+        behind.motors.angle.push(transmission.motor_from_joint(&(rigid - behind_rigid + held.sag)));
+        behind.drag.push(
+            (behind_rigid - held.middle)
+                .zip_map(&held.half, |lag: f64, half: f64| if half > 0.0 { (lag / half).clamp(-1.0, 1.0) } else { 0.0 }),
+        );
     }
     behind
 }
@@ -233,7 +262,7 @@ mod tests {
         for lag in [-1.0, 0.4] {
             arm.link_friction[1].lag_at_start = lag;
             let rolled = LinkModel::new(arm.clone()).rollout_gripped(&motor, &[0.0, 0.8]);
-            let played = [&behind_play(&arm, &motor), &behind_friction(&arm, &motor)].map(|behind| behind.angle[2]);
+            let played = [behind_play(&arm, &motor), behind_friction(&arm, &motor).motors].map(|behind| behind.angle[2]);
             let played = played.map(|angle| arm.transmission.joint_from_motor(&angle)[1]);
             let rolled = rolled.iter().map(|state| state.unwrap().position[1]);
             for found in rolled.chain(played) {
@@ -254,7 +283,7 @@ mod tests {
         let times: Vec<f64> = (20..99).map(|k| f64::from(k) * 0.1).collect();
         let miss = |arm: &Arm, damped: &Arm| {
             let rolled = LinkModel::new(arm.clone()).rollout_gripped(&motor, &times);
-            let (behind, links) = (behind_friction(damped, &motor), LinkModel::new(arm.clone()));
+            let (behind, links) = (behind_friction(damped, &motor).motors, LinkModel::new(arm.clone()));
             let settled = times.iter().map(|&t| links.settled(&behind.at(t).unwrap().0, &Vector3::zeros())[1]);
             let miss = settled.zip(rolled).map(|(settled, state)| settled - state.unwrap().position[1]);
             crate::stats::rms(&miss.collect::<Vec<_>>()).unwrap()

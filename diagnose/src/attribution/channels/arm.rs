@@ -5,7 +5,6 @@ use raven::Result;
 use raven::effects::{Channel, TipModel, TorqueModel};
 
 use super::{Measured, Sample, Sampled};
-use crate::evidence::data::WINDOW_S;
 use crate::evidence::rows::{Inflation, Observed, Rows, Setting};
 
 /// Place of the tip among the channels; the joints come before, their torques after.
@@ -32,8 +31,7 @@ impl Sampled for Rows<'_> {
         let torque = TorqueModel::new(&model)?;
         let mut samples = Vec::new();
         for (recording, data) in self.data().iter().enumerate() {
-            let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
-            let (seen, moving) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &times, WINDOW_S);
+            let (seen, tensions) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &data.shafts);
             for (sight, seen) in data.sights.iter().zip(seen) {
                 let time_s = sight.stamp_s;
                 let Some(motor) = data.motors.steady(time_s) else { continue };
@@ -46,9 +44,9 @@ impl Sampled for Rows<'_> {
                 samples.extend((0..3).map(|j| of(j, joint[j], covariance[(j, j)], rate[j])));
                 samples.push(of(TIP, error.norm(), sight.covariance_m2.trace(), 0.0));
             }
-            for ((shaft, moving), weight) in data.shafts.iter().zip(moving).zip(self.torque_weights(recording)) {
-                let moving = moving.unwrap_or_else(|| torque.rigid(shaft));
-                let error = torque.delivered(&shaft.commanded) - torque.needed(shaft, &moving);
+            for ((shaft, tension), weight) in data.shafts.iter().zip(tensions).zip(self.torque_weights(recording)) {
+                let tension_n = tension.unwrap_or_else(|| torque.rigid_n(shaft));
+                let error = torque.delivered(&shaft.commanded) - torque.needed(shaft, &tension_n);
                 let rate = transmission.joint_rate_from_motor(&shaft.rate);
                 let of = |j: usize| Sample {
                     channel: TIP + 1 + j,

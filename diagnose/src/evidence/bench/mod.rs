@@ -12,11 +12,12 @@ use raven::robot::{Joint, Robot, stiction_speed};
 use raven::{Error, Result};
 
 use super::data::{STRIDE_S, WINDOW_S};
-use super::rows::{
-    CREEP_RAD_S, Links, NEAR_REST, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping,
-};
+use super::rows::{CREEP_RAD_S, Links, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping};
 pub use recorded::Recorded;
 pub use signs::Signs;
+
+/// Part of a joint's dry friction that is not known near rest: these joints are not rolled out.
+const NEAR_REST: f64 = 0.5;
 
 /// Errors of one recording's joints and torques, sample by sample, with a 1 where a drive clips; and what turns the torques' into errors of the command.
 pub type Errors = (Vec<[Vector3<f64>; 3]>, Vector3<f64>);

@@ -24,7 +24,7 @@ impl Drives for OfArm<'_> {
     }
 
     fn needed(&self, _: usize, shaft: &Shaft) -> Vector3<f64> {
-        self.0.needed(shaft, &self.0.rigid(shaft))
+        self.0.needed(shaft, &self.0.rigid_n(shaft))
     }
 
     fn creep(&self) -> Vector3<f64> {

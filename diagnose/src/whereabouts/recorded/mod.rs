@@ -75,9 +75,8 @@ pub fn recorded(
         if let Some(arm) = &arm {
             let (model, data) = (Model::new(robot, cameras)?, Data::new(recording, cameras)?);
             let model_of_torque = TorqueModel::new(&model)?;
-            let times: Vec<f64> = data.shafts.iter().map(|shaft| shaft.time_s).collect();
-            let (_, links) = TipModel::new(&model, &data.motors)?.rolled_out(&[], &times, WINDOW_S);
-            let shafts: Vec<_> = data.shafts.iter().zip(links).filter_map(|(shaft, links)| Some((*shaft, links?))).collect();
+            let (_, tensions) = TipModel::new(&model, &data.motors)?.rolled_out(&[], &data.shafts);
+            let shafts: Vec<_> = data.shafts.iter().zip(tensions).filter_map(|(shaft, tension)| Some((*shaft, tension?))).collect();
             for (j, channel) in torques.iter_mut().enumerate() {
                 channel.tracks.push(torque_track(arm, &robot.joints[j], j, &model_of_torque, &shafts));
             }

@@ -65,7 +65,7 @@ pub(super) fn tip_tracks(
     }
     let mut tracks = vec![Track::default(); if cameras.is_some() { 4 } else { 3 }];
     let (mut speed, mut ninth) = (Vec::new(), Vec::new());
-    let (predicted, _) = TipModel::new(model, &data.motors)?.rolled_out(&data.sights, &[], 0.0);
+    let (predicted, _) = TipModel::new(model, &data.motors)?.rolled_out(&data.sights, &[]);
     let observed: BTreeMap<i64, &TipObservation> =
         seen(recording).map(|tip| (nanoseconds(tip.stamp.seconds_since(recording.start)), tip)).collect();
     for (sight, predicted_m) in data.sights.iter().zip(predicted) {

@@ -1,7 +1,7 @@
 //! Torque that the drives delivered less what their motion needed.
 
 use nalgebra::Vector3;
-use raven::effects::{LinkMotion, Shaft, TorqueModel};
+use raven::effects::{Shaft, TorqueModel};
 use raven::robot::{Arm, Joint};
 use raven::stats::{median, rms};
 
@@ -18,9 +18,9 @@ const THIRD_DIFFERENCE: f64 = 20.0;
 /// Median of the magnitude of a normal deviate.
 const MEDIAN_MAGNITUDE: f64 = 0.674_49;
 
-/// Torque delivered less torque needed where the direction of friction is beyond doubt.
-pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueModel, shafts: &[(Shaft, LinkMotion)]) -> Track {
-    let mut apart: Vec<&(Shaft, LinkMotion)> = Vec::new();
+/// Torque delivered less torque needed where the direction of friction is beyond doubt; with each sample the cables' tension differences [N].
+pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueModel, shafts: &[(Shaft, Vector3<f64>)]) -> Track {
+    let mut apart: Vec<&(Shaft, Vector3<f64>)> = Vec::new();
     for shaft in shafts {
         if apart.last().is_none_or(|(last, _)| shaft.0.time_s - last.time_s >= 0.999 * TORQUE_STRIDE_S) {
             apart.push(shaft);
@@ -28,7 +28,7 @@ pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueMod
     }
     let all_time_s: Vec<f64> = apart.iter().map(|(s, _)| s.time_s).collect();
     let rates: Vec<f64> = apart.iter().map(|(s, _)| arm.transmission.joint_rate_from_motor(&s.rate)[j]).collect();
-    let residual: Vec<f64> = apart.iter().map(|(s, links)| (model.delivered(&s.commanded) - model.needed(s, links))[j]).collect();
+    let residual: Vec<f64> = apart.iter().map(|(s, tension)| (model.delivered(&s.commanded) - model.needed(s, tension))[j]).collect();
     let commanded: Vec<f64> = apart.iter().map(|(s, _)| s.commanded[j]).collect();
     let noise = noise_of_torque(&residual, &commanded);
     let motors: Vec<Option<Vector3<f64>>> = apart.iter().map(|(s, _)| Some(s.angle)).collect();

@@ -104,6 +104,57 @@ fn links_that_friction_grips_go_where_the_labs_do() {
     }
 }
 
+/// What torques near rest hang on: cables are wound one way and the other while links hardly move.
+#[test]
+fn cables_of_links_that_hardly_move_pull_as_the_labs_do() {
+    use crate::effects::{Model, Shaft, TipModel, TorqueModel};
+    use crate::robot::MotorTrack;
+    const HALF: usize = 30;
+    let mut robot = nominal::gold();
+    let path = Trajectory::of(Motion::Fls(0), 20.0, &robot.arm().unwrap().limits, Vector3::zeros(), &mut rng(5));
+    let trace = session(&robot, &[], &path, 20.0);
+    let samples = trace.samples();
+    let motors = MotorTrack {
+        time_s: (0..samples.len()).map(|k| k as f64 * 1e-3).collect(),
+        angle: samples.iter().map(|s| s.cycle.motor).collect(),
+    };
+    robot.joints.iter_mut().filter_map(|joint| joint.link_friction.as_mut()).for_each(|friction| friction.held_part = 1.0);
+    let model = Model::new(&robot, None).unwrap();
+    let at: Vec<usize> = (4000..samples.len() - HALF).step_by(20).collect();
+    let shaft = |&k: &usize| {
+        let (before, now, after) = (samples[k - HALF].cycle.motor, samples[k].cycle.motor, samples[k + HALF].cycle.motor);
+        let h_s = HALF as f64 * 1e-3;
+        Shaft {
+            time_s: motors.time_s[k],
+            angle: now,
+            rate: (after - before) / (2.0 * h_s),
+            acceleration: (after - now * 2.0 + before) / (h_s * h_s),
+            commanded: Vector3::zeros(),
+            window_s: 2.0 * h_s,
+        }
+    };
+    let shafts: Vec<Shaft> = at.iter().map(shaft).collect();
+    let tip = TipModel::new(&model, &motors).unwrap();
+    let (torque, dragged) = (TorqueModel::new(&model).unwrap(), tip.dragged());
+    let rolled_out = tip.rolled_out(&[], &shafts).1;
+    let mut squares = [[0.0; 3]; 3];
+    for ((&k, shaft), rolled_out) in at.iter().zip(&shafts).zip(rolled_out) {
+        let weight = |i: usize| (1.0 - (i as f64 / HALF as f64 - 1.0).powi(2)).powi(2);
+        let weights: f64 = (0..2 * HALF).map(weight).sum();
+        let pulled = (0..2 * HALF).map(|i| samples[k + i - HALF].tension * weight(i)).sum::<Vector3<f64>>() / weights;
+        let settled = torque.dragged_n(shaft, &dragged.drag_about(shaft.time_s, 0.5 * shaft.window_s).unwrap());
+        for (squares, found) in squares.iter_mut().zip([rolled_out.unwrap(), settled, torque.rigid_n(shaft)]) {
+            for j in (0..3).filter(|&j| shaft.rate[j].abs() < 6.0) {
+                squares[j] += (found[j] - pulled[j]).powi(2);
+            }
+        }
+    }
+    let [rolled_out, settled, rigid] = squares.map(|of| of.map(f64::sqrt));
+    for j in 0..3 {
+        assert!(rolled_out[j] < 0.2 * rigid[j] && settled[j] < 0.5 * rigid[j], "joint {j}: {rolled_out:?} and {settled:?} of {rigid:?}");
+    }
+}
+
 #[test]
 fn stiff_cables_make_encoders_and_joints_agree() {
     let robot = stiff();
