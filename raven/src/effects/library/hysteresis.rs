@@ -1,7 +1,7 @@
 //! Rate-independent play between capstan and cable: a loop after every reversal, whatever the load.
 
 use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
-use crate::robot::Hysteresis;
+use crate::robot::{Hysteresis, KinematicsKind};
 
 /// hysteresis.
 pub const EFFECT: Effect = Effect {
@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[
         Parameter { name: "half_loop", unit: "joint", scale: Scale::Magnitude(Size::per_kind(0.008, 0.001)), tolerance: None },
         Parameter { name: "rounding", unit: "1", scale: Scale::Shape { middle: 1.5, size: 0.4 }, tolerance: None },
-        // Of the way back: straight, as in a sharp play, per rounded.
+        // Of the way back on an arm: straight, as in a sharp play, per rounded.
         Parameter { name: "straightness", unit: "1", scale: Scale::Shape { middle: 0.3, size: 1.5 }, tolerance: None },
         // What the motion before the recording left.
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.7), tolerance: None },
@@ -21,11 +21,13 @@ pub const EFFECT: Effect = Effect {
     ties: &[Tie { id: "backlash", exact: false }, Tie { id: "link-coulomb-friction", exact: false }],
     separated_by: "reversals at many amplitudes, loaded and unloaded",
     act: |model, place, values| {
+        // On a bench, whose joints are not rolled out, a sharp play is what friction makes of a cable's stretch.
+        let straightness = if matches!(model.robot.kinematics, KinematicsKind::Bench) { 0.0 } else { values[2] };
         let hysteresis = &mut model.robot.joints[place.first].hysteresis;
         *hysteresis = Hysteresis {
             half_loop: hysteresis.half_loop + values[0],
             length: values[1] * values[0],
-            straight_part: values[2] / (1.0 + values[2]),
+            straight_part: straightness / (1.0 + straightness),
             lag_at_start: values[3].clamp(-1.0, 1.0),
         };
     },
