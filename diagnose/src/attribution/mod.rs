@@ -3,6 +3,7 @@
 mod channels;
 mod closure;
 mod detectable;
+mod file_numbers;
 mod fitness;
 mod remaining;
 mod ties;
@@ -12,12 +13,13 @@ mod words;
 
 pub use closure::{Closure, Retuned, Share};
 pub use detectable::Detectable;
+pub use file_numbers::FileNumber;
 pub(crate) use fitness::RANGE_MIN;
 pub use fitness::check_fitness;
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{at, number, sentence, words};
+pub use words::{at, number, off, sentence, words};
 
 use raven::Result;
 use raven::camera::Cameras;
@@ -55,6 +57,8 @@ pub struct Attribution {
     pub probability_too_small: f64,
     /// Probability that the cause is not in the library, and that what is named stands in for it.
     pub probability_outside: f64,
+    /// Numbers of the robot file that are off by more than it allows them, beside the effects.
+    pub file_numbers: Vec<FileNumber>,
     /// How far the gap closes.
     pub gap: Vec<Closure>,
     /// What is left over time, before and after the effects; empty without effects.
@@ -256,6 +260,7 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
         effects.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     }
     let not_observable = fitter.coordinates.not_observable.iter();
+    let closing = blamed.unwrap_or(&outcome.none);
     let attribution = Attribution {
         verdict: word,
         effects,
@@ -265,28 +270,19 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
         minimum_detectable: smallest.iter().map(|smallest| smallest.detectable(fitter)).collect(),
         probability_too_small: too_small * (1.0 - probability_outside),
         probability_outside,
+        file_numbers: file_numbers::file_numbers(fitter, closing),
         gap: Vec::new(),
         remaining: Vec::new(),
         remarks: Vec::new(),
     };
-    Ok((attribution, blamed.unwrap_or(&outcome.none)))
+    Ok((attribution, closing))
 }
 
 fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Blamed {
     let coordinates = fitter.coordinates;
-    let (sited, kind) = (coordinates.sited[effect], coordinates.kinds[effect]);
+    let sited = coordinates.sited[effect];
     let deviations = fitter.deviations(best);
     let std = |c: usize| best.free.iter().position(|&free| free == c).map_or(0.0, |k| deviations[k]);
-    let estimate = |c: usize| {
-        let parameter = &sited.effect.parameters[coordinates.all[c].parameter];
-        Estimate {
-            aside: coordinates.all[c].is_unknown(),
-            name: parameter.name,
-            value: parameter.value(best.u[c], kind),
-            std: parameter.std(best.u[c], std(c), kind),
-            unit: parameter.unit_at(kind).to_owned(),
-        }
-    };
     let evidence = |effects: &[usize]| {
         let fitted = outcome.fitted.get(effects).map(|(_, evidence)| *evidence);
         fitted.or_else(|| outcome.spurious.get(effects).copied()).unwrap_or(f64::NEG_INFINITY)
@@ -296,8 +292,21 @@ fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -
         joint: sited.joint(fitter.rows.robot()),
         probability: 0.0,
         evidence_nats: evidence(&best.effects) - evidence(&best.all_but(effect)),
-        parameters: coordinates.of(effect).map(estimate).collect(),
+        parameters: coordinates.of(effect).map(|c| estimate(fitter, best, c, std(c))).collect(),
         ties: Vec::new(),
+    }
+}
+
+/// A coordinate of a hypothesis with its deviation as a number in its unit.
+fn estimate(fitter: &Fitter, hypothesis: &Hypothesis, c: usize, std: f64) -> Estimate {
+    let coordinates = fitter.coordinates;
+    let (parameter, kind, u) = (coordinates.parameter(c), coordinates.kinds[coordinates.all[c].effect], hypothesis.u[c]);
+    Estimate {
+        aside: coordinates.all[c].is_unknown(),
+        name: parameter.name,
+        value: parameter.value(u, kind),
+        std: parameter.std(u, std, kind),
+        unit: parameter.unit_at(kind).to_owned(),
     }
 }
 

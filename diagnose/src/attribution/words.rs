@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Attribution, Blamed, Candidate, Closure, Estimate, Word};
+use super::{Attribution, Blamed, Candidate, Closure, Estimate, FileNumber, Word};
 
 /// Ties, candidates and sizes that a terminal shows.
 const SHOWN: usize = 5;
@@ -35,7 +35,17 @@ pub fn sentence(attribution: &Attribution) -> String {
             100.0 * attribution.misfit_accounted.unwrap_or(0.0),
             may_stand_in(attribution)
         ),
-        Word::Unexplained => "There is a gap that nothing in the library accounts for.".to_owned(),
+        Word::Unexplained => {
+            let file = attribution.file_numbers.first().map_or_else(String::new, |worst| {
+                let count = attribution.file_numbers.len();
+                let what = at(worst.id, worst.joint.as_deref());
+                format!(
+                    " The file has numbers that are off by more than it allows, {count} of them; {what} is by {:.0} tolerances.",
+                    worst.tolerances.abs()
+                )
+            });
+            format!("There is a gap that nothing in the library accounts for.{file}")
+        }
     }
 }
 
@@ -57,6 +67,12 @@ fn cause(blamed: &Blamed) -> String {
 #[must_use]
 pub fn at(id: &str, joint: Option<&str>) -> String {
     joint.map_or_else(|| id.to_owned(), |joint| format!("{id} at the {joint}"))
+}
+
+/// `motor-coulomb-friction at the elbow: factor 0.62 +- 0.05`.
+#[must_use]
+pub fn off(of: &FileNumber) -> String {
+    format!("{}: {}", at(of.id, of.joint.as_deref()), number(&of.estimate))
 }
 
 /// A number with as many digits as its deviation gives meaning to.
@@ -111,6 +127,12 @@ pub fn words(attribution: &Attribution) -> String {
             );
         }
     }
+    if !attribution.file_numbers.is_empty() {
+        let _ = writeln!(text, "\nNumbers of the file that are off by more than it allows, and by how many of their tolerances");
+    }
+    attribution.file_numbers.iter().for_each(|of| {
+        let _ = writeln!(text, "{:>6.1}  {}", of.tolerances, off(of));
+    });
     attribution.remarks.iter().for_each(|remark| {
         let _ = writeln!(text, "{remark}");
     });

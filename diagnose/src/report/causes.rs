@@ -1,7 +1,7 @@
 //! The page with what the recordings say of causes.
 
 use super::{Candidate, Detectable, GapBar, Page, remaining};
-use crate::attribution::{Attribution, Remaining, at, sentence};
+use crate::attribution::{Attribution, FileNumber, Remaining, at, off, sentence};
 
 /// Candidates that the page shows.
 const SHOWN: usize = 12;
@@ -45,6 +45,8 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
             raven::effects::at_place(effect.id, effect.joint.as_deref())
         ));
     }
+    let file_number = |of: &FileNumber| format!("{}, {:.1} of its tolerances off.", off(of), of.tolerances.abs());
+    page.file_numbers = attribution.file_numbers.iter().map(file_number).collect();
     let detectable = attribution.minimum_detectable.iter().filter_map(|least| {
         Some(Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: least.size?, unit: least.unit.clone() })
     });

@@ -24,6 +24,7 @@ pub fn html(page: &Page) -> String {
             page.traces.iter().enumerate().map(|(k, trace)| figure_of(&traces::trace(k, trace))).collect()
         }),
         section("What cannot be told apart", "", page.ties.is_empty(), || list("ul", &page.ties)),
+        section("What the robot file has wrong", "", page.file_numbers.is_empty(), || list("ul", &page.file_numbers)),
         section("What to do next", "", page.next_steps.is_empty(), || list("ol", &page.next_steps)),
         section("What could have been seen", "", page.detectable.is_empty() && page.not_observable.is_empty(), || sensitivity(page)),
         section("Recordings", "", page.recordings.is_empty(), || list("ul class=\"files\"", &page.recordings)),
@@ -153,6 +154,7 @@ mod tests {
         page.places = vec![bad.clone()];
         page.ties = vec![bad.clone()];
         page.next_steps = vec![bad.clone()];
+        page.file_numbers = vec![bad.clone()];
         page.not_observable = vec![(bad.clone(), bad.clone())];
         for gap in &mut page.gaps {
             (gap.channel, gap.unit) = (bad.clone(), bad.clone());

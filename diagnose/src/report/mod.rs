@@ -36,6 +36,8 @@ pub struct Page {
     pub phases: Vec<PhaseBars>,
     /// Causes that this recording cannot tell apart, in sentences.
     pub ties: Vec<String>,
+    /// Numbers of the robot file that are off, in words.
+    pub file_numbers: Vec<String>,
     /// What to do next, in sentences.
     pub next_steps: Vec<String>,
     /// Smallest sizes that the recording could have shown.

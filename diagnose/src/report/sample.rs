@@ -77,6 +77,7 @@ pub fn sample() -> Page {
             "pulley-radius and the radius of the motor's capstan are one number to motors and tip: no recording tells them apart."
                 .to_owned(),
         ],
+        file_numbers: vec!["motor-coulomb-friction at the elbow: factor 0.62 +- 0.05, 3.1 of its tolerances off.".to_owned()],
         next_steps: vec![
             "Write the radius into robot.yaml: raven-identify --parameters r_l1.".to_owned(),
             "Record 20 s with the shoulder over its whole range; expected evidence 40 nat against joint-offset.".to_owned(),

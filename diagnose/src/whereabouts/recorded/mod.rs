@@ -17,7 +17,7 @@ use raven::robot::{Arm, Joint, MotorTrack, Robot};
 use raven::stats::median;
 
 use super::{Channel, HORIZONS_S, Kind, Track};
-use crate::evidence::data::{Data, WINDOW_S};
+use crate::evidence::data::Data;
 use crate::phase::{Phase, phases};
 use crate::residual::{self, Residuals};
 use drive::{OfArm, bench_drives, motion_tracks};
