@@ -28,10 +28,8 @@ impl Grip {
     /// Of an arm, its joints with so much inertia [kg m^2, kg m^2, kg].
     #[must_use]
     pub fn new(arm: &Arm, inertia: &Vector3<f64>) -> Self {
-        let stiffness = Vector3::from_fn(|j, _| {
-            let cable = arm.cables[j].tangent_stiffness(0.0) * arm.transmission.link_radius_m[j].powi(2);
-            if arm.link_friction[j].held_part > 0.0 { STIFFER * cable } else { 0.0 }
-        });
+        let stiffness =
+            Vector3::from_fn(|j, _| if arm.link_friction[j].held_part > 0.0 { STIFFER * arm.joint_stiffness(j, 0.0) } else { 0.0 });
         Self { stiffness, damping: stiffness.component_mul(inertia).map(f64::sqrt) }
     }
 

@@ -243,7 +243,7 @@ fn fastest_pole(arm: &Arm, grip: &Grip, middle: &Vector3<f64>, inertia: &Vector3
                 + (1.0 - arm.link_friction[j].held_part) * arm.link_friction[j].coulomb / arm.stiction_speed(j);
             // A cable that stiffens is stiffest under the largest load.
             let load_n = (gravity[j].abs() + inertia[j] * HARD_ACCELERATION) / arm.transmission.link_radius_m[j];
-            let stiffness = arm.cables[j].tangent_stiffness(load_n) * radius2 + grip.stiffness[j];
+            let stiffness = arm.joint_stiffness(j, load_n) + grip.stiffness[j];
             let (rate, square) = (damping / inertia[j], stiffness / inertia[j]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.
             if rate * rate > 4.0 * square { 0.5 * (rate + (rate * rate - 4.0 * square).sqrt()) } else { square.sqrt() }

@@ -70,6 +70,12 @@ impl Arm {
         nalgebra::Vector3::from_fn(|j, _| (rate[j] / self.stiction_speed(j)).clamp(-1.0, 1.0))
     }
 
+    /// Stiffness of a joint through its cable [N m/rad or N/m] under a tension difference [N].
+    #[must_use]
+    pub fn joint_stiffness(&self, j: usize, tension_n: f64) -> f64 {
+        self.cables[j].tangent_stiffness(tension_n) * self.transmission.link_radius_m[j].powi(2)
+    }
+
     /// Dry friction of a joint [N m or N] whose cable pulls with a tension difference [N].
     #[must_use]
     pub fn dry_friction_n(&self, j: usize, tension_n: f64) -> f64 {

@@ -13,7 +13,7 @@
 //! would be if the motors had wound no more than that. The play is the joint's and not the cable's: a motor that makes up for another
 //! joint's motion moves nothing, and a load that changes has to overcome friction too. Unlike friction that is smoothed around rest, play
 //! does not creep while the robot holds still. It serves filters, whose state has no place for where friction has hold of a joint, and
-//! slopes; rollouts have bristles instead. Source of the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
+//! slopes; rollouts of a diagnosis have bristles instead. Source of the operator: Prandtl; see Krasnosel'skii, Pokrovskii, Systems with Hysteresis, 1989, chapter 1.
 
 use nalgebra::Vector3;
 
@@ -168,9 +168,8 @@ struct Viscous {
 
 impl Viscous {
     fn of(arm: &Arm, j: usize) -> Self {
-        let stiffness = arm.cables[j].tangent_stiffness(0.0);
-        let radius_m = arm.transmission.link_radius_m[j];
-        Self { cable_s: 2.0 * arm.cables[j].damping / stiffness, joint_s: arm.link_friction[j].viscous / (stiffness * radius_m * radius_m) }
+        let cable_s = 2.0 * arm.cables[j].damping / arm.cables[j].tangent_stiffness(0.0);
+        Self { cable_s, joint_s: arm.link_friction[j].viscous / arm.joint_stiffness(j, 0.0) }
     }
 }
 
