@@ -24,7 +24,7 @@ pub(crate) use listed::{check_listed, motor_laws};
 pub use measure::Measure;
 pub use model::{Drive, Model};
 pub use parameter::{Parameter, Scale, Size};
-pub use tip::{Sight, TipModel};
+pub use tip::{Sight, TipModel, WhereKnown};
 pub use torque::{Shaft, TorqueModel};
 pub use view::View;
 

@@ -14,6 +14,9 @@ const NODES: usize = 11;
 /// Times that are closer are the same [s].
 const ALIKE_S: f64 = 1e-9;
 
+/// A vector for each that was asked about, `None` where the motors are not known.
+pub type WhereKnown = Vec<Option<Vector3<f64>>>;
+
 /// Where in half a window a node is [-1 to 1].
 fn node(k: usize) -> f64 {
     2.0 * (k + 1) as f64 / (NODES + 1) as f64 - 1.0
@@ -59,14 +62,14 @@ impl<'a> TipModel<'a> {
     }
 
     /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording; and the
-    /// cables' tension differences [N], averaged over the window of each of `shafts` as its torque is. `None` where the motors are not known.
+    /// cables' tension differences [N], averaged over the window of each of `shafts` as its torque is.
     #[must_use]
-    pub fn rolled_out(&self, sights: &[Sight], shafts: &[Shaft]) -> (Vec<Option<Vector3<f64>>>, Vec<Option<Vector3<f64>>>) {
+    pub fn rolled_out(&self, sights: &[Sight], shafts: &[Shaft]) -> (WhereKnown, WhereKnown) {
         let shown = sights.iter().map(|sight| self.model.view.shown_at_s(sight.stamp_s));
         let times: Vec<f64> = shown.chain(shafts.iter().flat_map(nodes_s)).collect();
         let states = self.states(&times);
         let (of_sights, of_shafts) = states.split_at(sights.len());
-        let stretch_m: Vec<Option<Vector3<f64>>> =
+        let stretch_m: WhereKnown =
             times[sights.len()..].iter().zip(of_shafts).map(|(&time_s, state)| self.stretch_m(time_s, state)).collect();
         let tension = |(shaft, stretch_m): (&Shaft, &[Option<Vector3<f64>>])| {
             let stretch_m: Vec<Vector3<f64>> = stretch_m.iter().copied().collect::<Option<_>>()?;
@@ -120,7 +123,7 @@ impl<'a> TipModel<'a> {
 
     /// Predictions with links without inertia, at rest where cables and friction hold them: fifty times as fast, good for slopes.
     #[must_use]
-    pub fn settled(&self, sights: &[Sight], dragged: &Dragged) -> Vec<Option<Vector3<f64>>> {
+    pub fn settled(&self, sights: &[Sight], dragged: &Dragged) -> WhereKnown {
         let free = &dragged.motors;
         let state = |sight: &Sight| {
             let time_s = self.model.view.shown_at_s(sight.stamp_s);
@@ -131,7 +134,7 @@ impl<'a> TipModel<'a> {
         self.seen(sights, &sights.iter().map(state).collect::<Vec<_>>())
     }
 
-    fn seen(&self, sights: &[Sight], states: &[Option<LinkState>]) -> Vec<Option<Vector3<f64>>> {
+    fn seen(&self, sights: &[Sight], states: &[Option<LinkState>]) -> WhereKnown {
         let (look, kinematics) = (self.model.view.look(), &self.links.arm().kinematics);
         let seen = |(sight, state): (&Sight, &Option<LinkState>)| {
             let state = state.as_ref()?;
