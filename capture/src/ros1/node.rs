@@ -53,6 +53,8 @@ struct Topic {
 struct Publishers {
     listed: Vec<Endpoint>,
     links: BTreeMap<Endpoint, Link>,
+    /// How often the master has said so without being asked.
+    updates: u64,
 }
 
 impl Node {
@@ -108,7 +110,7 @@ impl Shared {
                 let (Some(topic), Some(publishers)) = (topic.text(), publishers.texts()) else {
                     return Ok(Value::failure("publisherUpdate takes a name, a topic and a list of addresses"));
                 };
-                self.update(topic, &publishers);
+                self.update(topic, &publishers, None);
                 Ok(Value::success("", Value::Integer(0)))
             }
             ("getPid", _) => Ok(Value::success("", Value::Integer(i32::try_from(std::process::id()).unwrap_or_default()))),
@@ -126,8 +128,9 @@ impl Shared {
         for topic in &self.topics {
             let name = topic.wanted.topic.as_str();
             let parameters = [self.caller_id.as_str().into(), name.into(), "*".into(), own.into()];
+            let before = topic.publishers.lock().unwrap_or_else(PoisonError::into_inner).updates;
             let answer = call_ros(&master_at(&self.master), &self.master, "registerSubscriber", &parameters)?;
-            self.update(name, &answer.texts().unwrap_or_default());
+            self.update(name, &answer.texts().unwrap_or_default(), Some(before));
         }
         Ok(())
     }
@@ -163,8 +166,9 @@ impl Shared {
         }
     }
 
-    /// Brings the links of a topic to a list of publishers.
-    fn update(&self, name: &str, publishers: &[String]) {
+    /// Brings the links of a topic to a list of publishers. A list that the master was asked for, `before` so many of its own accord, is older than
+    /// one that came meanwhile.
+    fn update(&self, name: &str, publishers: &[String], before: Option<u64>) {
         let Some(topic) = self.topics.iter().find(|topic| topic.wanted.topic == name) else { return };
         let mut wanted: Vec<Endpoint> = Vec::new();
         for publisher in publishers {
@@ -178,6 +182,11 @@ impl Shared {
             wanted.truncate(MAX_PUBLISHERS);
         }
         let mut publishers = topic.publishers.lock().unwrap_or_else(PoisonError::into_inner);
+        match before {
+            None => publishers.updates += 1,
+            Some(before) if before < publishers.updates => return,
+            Some(_) => {}
+        }
         publishers.links.iter().for_each(|(publisher, link)| link.set_wanted(wanted.contains(publisher)));
         publishers.listed = wanted;
         self.start_missing(topic, &mut publishers);
@@ -185,7 +194,7 @@ impl Shared {
 
     /// Starts the links that a topic lacks; one that ended just before its publisher was listed again would stay away for good.
     fn start_missing(&self, topic: &Topic, publishers: &mut Publishers) {
-        let Publishers { listed, links } = publishers;
+        let Publishers { listed, links, .. } = publishers;
         links.retain(|_, link| !link.is_finished());
         for publisher in listed.iter() {
             if links.contains_key(publisher) || self.stop.load(Ordering::Relaxed) {
@@ -231,4 +240,50 @@ fn own_host(master: &Endpoint) -> Result<String, Fault> {
 fn interfaces_of(host: &str) -> IpAddr {
     let only_new = (host, 0).to_socket_addrs().is_ok_and(|mut addresses| addresses.all(|address| address.is_ipv6()));
     if only_new { Ipv6Addr::UNSPECIFIED.into() } else { Ipv4Addr::UNSPECIFIED.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{Ipv4Addr, TcpListener};
+    use std::time::{Duration, Instant};
+
+    use super::super::{Connection, Receiver};
+    use super::*;
+
+    struct Nobody;
+
+    impl Listener for Nobody {
+        fn connected(&self, _: Connection) -> Receiver {
+            Box::new(|_| {})
+        }
+
+        fn failed(&self, _: &Fault, _: bool) {}
+    }
+
+    /// A master that tells of a publisher before its answer, that there was none, is read.
+    #[test]
+    fn an_answer_that_is_older_than_an_update_changes_nothing() {
+        let publisher = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        publisher.set_nonblocking(true).unwrap();
+        let at = format!("http://{}/", publisher.local_addr().unwrap());
+        let answer = move |method: &str, parameters: &[Value]| {
+            if let ("registerSubscriber", [_, topic, _, node]) = (method, parameters) {
+                let node = Endpoint::from_str(node.text().unwrap()).unwrap();
+                let update = ["/master".into(), topic.clone(), Value::List(vec![at.as_str().into()])];
+                call_ros("the node", &node, "publisherUpdate", &update).unwrap();
+            }
+            Ok(Value::success("", Value::List(Vec::new())))
+        };
+        let master = Server::start(Ipv4Addr::LOCALHOST.into(), 0, answer).unwrap();
+        let master_at = Endpoint { host: Ipv4Addr::LOCALHOST.to_string(), port: master.port() };
+        let numbers = Subscription { topic: "/numbers".to_owned(), listener: Arc::new(Nobody) };
+        let _node = Node::start(master_at, vec![numbers], mpsc::channel().0).unwrap();
+        // A link that is still wanted tries again each time that the publisher hangs up.
+        let (mut calls, until) = (0, Instant::now() + Duration::from_secs(10));
+        while calls < 3 && Instant::now() < until {
+            calls += usize::from(publisher.accept().is_ok());
+            thread::sleep(Duration::from_millis(5));
+        }
+        assert_eq!(calls, 3);
+    }
 }
