@@ -23,10 +23,9 @@ pub struct FileNumber {
     pub tolerances: f64,
 }
 
-/// The numbers that a hypothesis moves and that no effect of it is about, farthest first.
-pub(super) fn file_numbers(fitter: &Fitter, hypothesis: &Hypothesis) -> Vec<FileNumber> {
+/// The numbers that a hypothesis moves and that no effect of it is about, farthest first; with the deviations of its free coordinates.
+pub(super) fn file_numbers(fitter: &Fitter, hypothesis: &Hypothesis, deviations: &[f64]) -> Vec<FileNumber> {
     let coordinates = fitter.coordinates;
-    let deviations = fitter.deviations(hypothesis);
     let of = |(&c, &std): (&usize, &f64)| {
         let coordinate = coordinates.all[c];
         let spike = coordinate.spike.filter(|_| !coordinate.is_unknown() && !hypothesis.effects.contains(&coordinate.effect))?;
@@ -39,7 +38,7 @@ pub(super) fn file_numbers(fitter: &Fitter, hypothesis: &Hypothesis) -> Vec<File
             tolerances: u / spike,
         })
     };
-    let mut moved: Vec<FileNumber> = hypothesis.free.iter().zip(deviations.iter()).filter_map(of).collect();
+    let mut moved: Vec<FileNumber> = hypothesis.free.iter().zip(deviations).filter_map(of).collect();
     moved.sort_by(|a, b| b.tolerances.abs().total_cmp(&a.tolerances.abs()));
     moved
 }

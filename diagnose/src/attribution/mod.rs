@@ -248,6 +248,8 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     let named = named(outcome, &probabilities);
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
     let blamed = named.filter(|_| word != Word::Unexplained);
+    let closing = blamed.unwrap_or(&outcome.none);
+    let deviations = fitter.deviations(closing);
     let sited: Vec<Sited> = blamed.iter().flat_map(|best| &best.effects).map(|&effect| fitter.coordinates.sited[effect]).collect();
     let probability_outside = unknown::with_outside(&mut probabilities, word, &sited);
     let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).sum::<f64>();
@@ -255,12 +257,11 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     if let Some(best) = blamed {
         for &effect in &best.effects {
             let ties = ties::ties(fitter, outcome, best, effect);
-            effects.push(Blamed { probability: with(effect), ties, ..cause(fitter, outcome, best, effect) });
+            effects.push(Blamed { probability: with(effect), ties, ..cause(fitter, outcome, best, &deviations, effect) });
         }
         effects.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     }
     let not_observable = fitter.coordinates.not_observable.iter();
-    let closing = blamed.unwrap_or(&outcome.none);
     let attribution = Attribution {
         verdict: word,
         effects,
@@ -270,7 +271,7 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
         minimum_detectable: smallest.iter().map(|smallest| smallest.detectable(fitter)).collect(),
         probability_too_small: too_small * (1.0 - probability_outside),
         probability_outside,
-        file_numbers: file_numbers::file_numbers(fitter, closing),
+        file_numbers: file_numbers::file_numbers(fitter, closing, &deviations),
         gap: Vec::new(),
         remaining: Vec::new(),
         remarks: Vec::new(),
@@ -278,10 +279,10 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     Ok((attribution, closing))
 }
 
-fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Blamed {
+/// An effect of the best hypothesis, the deviations of whose free coordinates are given.
+fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, deviations: &[f64], effect: usize) -> Blamed {
     let coordinates = fitter.coordinates;
     let sited = coordinates.sited[effect];
-    let deviations = fitter.deviations(best);
     let std = |c: usize| best.free.iter().position(|&free| free == c).map_or(0.0, |k| deviations[k]);
     let evidence = |effects: &[usize]| {
         let fitted = outcome.fitted.get(effects).map(|(_, evidence)| *evidence);
