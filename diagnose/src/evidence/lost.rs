@@ -86,15 +86,16 @@ impl Fitter<'_> {
 
     /// Fits single effects from the nominal model and these numbers of theirs; as [`Self::closely`].
     fn begun_again(&self, outcome: &mut Outcome, nominal: &Hypothesis, starts: &[(usize, Vec<f64>)]) -> Result<bool> {
-        let held = |(effect, start): &(usize, Vec<f64>)| {
+        let fitted = |(effect, start): &(usize, Vec<f64>)| {
             let mut u = nominal.u.clone();
             self.coordinates.of(*effect).zip(start).for_each(|(c, value)| u[c] = *value);
-            self.fit_with(&[*effect], &u, Some(nominal), Following::Held)
+            let fits = [Following::Held, Following::Settled].map(|following| self.fit_with(&[*effect], &u, Some(nominal), following));
+            fits.into_iter().collect::<Result<Vec<Option<Hypothesis>>>>()
         };
-        let held: Result<Vec<Option<Hypothesis>>> = starts.par_iter().map(held).collect();
-        let mut held: Vec<Hypothesis> = held?.into_iter().flatten().collect();
-        held.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        held.truncate(CLOSELY);
-        self.closely(outcome, &held)
+        let fitted: Result<Vec<Vec<Option<Hypothesis>>>> = starts.par_iter().map(fitted).collect();
+        let mut fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().flatten().collect();
+        fitted.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        fitted.truncate(CLOSELY);
+        self.closely(outcome, &fitted)
     }
 }
