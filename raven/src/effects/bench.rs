@@ -132,7 +132,7 @@ impl<'a> BenchModel<'a> {
     #[must_use]
     pub fn shown(&self, motors: &MotorTrack, tension_n: &Tension, times_s: &[f64]) -> Vec<Option<Vector3<f64>>> {
         let transmission = &self.transmission;
-        let at = |time_s: f64| tension_n.at(time_s);
+        let at = |time_s: f64, _: &Vector3<f64>| tension_n.at(time_s);
         let cables = Cables { transmission, stiffness_n: self.cables.map(|cable| cable.stiffness), tension_n: &at };
         let wound = behind_hysteresis(&self.hysteresis, &transmission.ratio, &wound_by(&self.model.motors, &cables, motors));
         let stretched = self.stretch_m(tension_n);
