@@ -1,12 +1,10 @@
 //! A robot on the network, recorded: the log must be the robot's own, byte for byte.
 
-mod lab;
-
 use std::path::Path;
 use std::thread;
 
+use crate::lab::{JOINT_STATE, JOINTS, Master, Publisher, joint_state, wait_for};
 use clap::Parser;
-use lab::{JOINT_STATE, JOINTS, Master, Publisher, joint_state, wait_for};
 use raven::cli::Outcome;
 use raven::log::{Item, MotorSource, RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, Recording, Stamp, Survey, Walker, topics};
 use raven::robot::SourceFormat;

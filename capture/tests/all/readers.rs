@@ -1,16 +1,14 @@
 //! A recording as other people's libraries decode it: images, joint states and the robot's own message, value for value.
 
-mod lab;
-
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command as Program;
 use std::thread;
 
+use crate::lab::film::{PICTURES, Webcam, pictures};
+use crate::lab::readers::run;
+use crate::lab::{JOINT_STATE, JOINTS, Master, Publisher, aloud, joint_state, wait_for};
 use clap::Parser;
-use lab::film::{PICTURES, Webcam, pictures};
-use lab::readers::run;
-use lab::{JOINT_STATE, JOINTS, Master, Publisher, aloud, joint_state, wait_for};
 use raven::cli::Outcome;
 use raven::log::{Item, RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, Side, Walker, topics};
 use raven_capture::{Args, Command, record};

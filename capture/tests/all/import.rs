@@ -1,13 +1,11 @@
 //! `raven-capture import`: bags that the test writes, bags that ROS's own `rosbag` writes, damaged ones, and folders of pictures.
 
-mod lab;
-
 use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 
+use crate::lab::{DEFINITION, TYPE, in_memory, md5sum, message, numbers, python};
 use clap::Parser;
-use lab::{DEFINITION, TYPE, in_memory, md5sum, message, numbers, python};
 use proptest::prelude::*;
 use raven::cli::Outcome;
 use raven::log::{FrameData, Side, Stamp, Survey, frames};

@@ -1,7 +1,5 @@
 //! `raven-capture record` against a master and publishers that live in the test.
 
-mod lab;
-
 use std::net::{Ipv4Addr, Ipv6Addr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -9,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use crate::lab::{self, Master, Publisher, aloud, numbers, signal, wait_for};
 use clap::Parser;
-use lab::{Master, Publisher, aloud, numbers, signal, wait_for};
 use raven::cli::Outcome;
 use raven::log::{Survey, active_name, topics};
 use raven_capture::ros1::{Endpoint, Server};

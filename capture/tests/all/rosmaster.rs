@@ -1,15 +1,13 @@
 //! The subscriber against ROS's own master and publishers of its own, where they are installed.
 
-mod lab;
-
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
+use crate::lab::ros::RosMaster;
+use crate::lab::{DEFINITION, Publisher, TYPE, md5sum, numbers, python, signal, wait_for};
 use clap::Parser;
-use lab::ros::RosMaster;
-use lab::{DEFINITION, Publisher, TYPE, md5sum, numbers, python, signal, wait_for};
 use raven::cli::Outcome;
 
 /// A node of ROS's own Python client, publishing numbered messages at 1 kHz, at no more than that when it was late.
