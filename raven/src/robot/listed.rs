@@ -1,7 +1,7 @@
 //! Effects that no number of the robot file can say. They stand in its list `effects` as plain data; their laws are in [`crate::effects`].
 
 use std::borrow::Cow;
-use std::cell::LazyCell;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
@@ -9,8 +9,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::rollout::HALF_WINDOW_S;
-use super::stiction::behind_friction;
+use super::stiction::Behind;
 use super::{Arm, MotorTrack, Transmission};
 
 /// One entry of `effects:`.
@@ -30,7 +29,8 @@ pub struct ListedEffect {
 /// cables with all their numbers and of the whole recording's motors [s, rad], and changes them in place.
 pub type MotorLaw = Box<dyn Fn(&Cables, &mut MotorTrack) + Send + Sync>;
 
-/// Tension differences of the cables [N] at a time [s], where the motors have wound them [rad].
+/// Tension differences of the cables [N] at a time [s], where the motors have wound them [rad]. As friction at rest remembers, it is asked of
+/// one time after the other.
 pub type TensionLaw<'a> = dyn Fn(f64, &Vector3<f64>) -> Vector3<f64> + 'a;
 
 /// What a law of the motors' side hears of.
@@ -48,7 +48,17 @@ pub struct Cables<'a> {
 #[must_use]
 pub fn wound<'a>(laws: &[MotorLaw], arm: &Arm, recorded: &'a MotorTrack) -> Cow<'a, MotorTrack> {
     let transmission = &arm.transmission;
-    let dragged = LazyCell::new(|| behind_friction(arm, recorded));
+    let dragging = RefCell::new((f64::INFINITY, Behind::friction(arm)));
+    // A law hears of one time after the other: where it begins anew, so does what drags.
+    let drag_at = |time_s: f64, wound: &Vector3<f64>| {
+        let (last_s, behind) = &mut *dragging.borrow_mut();
+        if time_s <= *last_s {
+            *behind = Behind::friction(arm);
+        }
+        *last_s = time_s;
+        behind.step(time_s, wound);
+        behind.drag()
+    };
     let tension_n = |time_s: f64, wound: &Vector3<f64>| {
         let Some(motor) = recorded.steady(time_s) else { return Vector3::zeros() };
         let [joint, rate, acceleration] = [
@@ -57,7 +67,7 @@ pub fn wound<'a>(laws: &[MotorLaw], arm: &Arm, recorded: &'a MotorTrack) -> Cow<
             transmission.joint_rate_from_motor(&motor.acceleration),
         ];
         let lifted = arm.dynamics.inverse(&joint, &rate, &acceleration);
-        let (tension_n, way) = (transmission.tension_n(&lifted), dragged.drag_about(time_s, HALF_WINDOW_S).unwrap_or_default());
+        let (tension_n, way) = (transmission.tension_n(&lifted), drag_at(time_s, wound));
         let drag = |j: usize, _| arm.dry_friction_n(j, tension_n[j]) * way[j] + arm.link_friction[j].viscous * rate[j];
         transmission.tension_n(&(lifted + Vector3::from_fn(drag)))
     };
@@ -103,6 +113,10 @@ mod tests {
     use super::*;
     use crate::robot::nominal;
 
+    fn tensions_n(cables: &Cables, track: &MotorTrack) -> Vec<Vector3<f64>> {
+        track.time_s.iter().zip(&track.angle).map(|(&time_s, wound)| (cables.tension_n)(time_s, wound)).collect()
+    }
+
     #[test]
     fn cables_carry_weight_friction_and_what_moves_the_links() {
         let arm = nominal::gold().arm().unwrap();
@@ -112,39 +126,47 @@ mod tests {
         let time_s: Vec<f64> = (0..2000).map(|k| f64::from(k) * 1e-3).collect();
         let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&at(t))).collect(), time_s };
         // Half way out, and shortly before the joints turn.
-        let times_s = [std::f64::consts::FRAC_PI_6 / omega, 0.9 * std::f64::consts::FRAC_PI_2 / omega];
+        let at_k = [131, 353];
         let heard = Arc::new(Mutex::new(Vec::new()));
         let hears = heard.clone();
-        let law: MotorLaw = Box::new(move |cables, track| {
-            let tension_n = |time_s: f64| (cables.tension_n)(time_s, &track.at(time_s).unwrap().0);
-            hears.lock().unwrap().extend(times_s.map(tension_n));
-        });
+        let law: MotorLaw = Box::new(move |cables, track| *hears.lock().unwrap() = tensions_n(cables, track));
         assert_eq!(*wound(&[law], &arm, &motor), motor);
-        for (time_s, tension_n) in times_s.into_iter().zip(heard.lock().unwrap().iter()) {
+        let heard = heard.lock().unwrap();
+        for k in at_k {
+            let (time_s, tension_n) = (motor.time_s[k], heard[k]);
             let rate = reach * omega * (omega * time_s).cos();
             let acceleration = -reach * omega * omega * (omega * time_s).sin();
             let lifted = arm.dynamics.inverse(&at(time_s), &rate, &acceleration);
             let drag = Vector3::from_fn(|j, _| arm.link_friction[j].coulomb + arm.link_friction[j].viscous * rate[j]);
             let expected = arm.transmission.tension_n(&(lifted + drag));
-            approx::assert_relative_eq!(*tension_n, expected, max_relative = 0.01);
+            approx::assert_relative_eq!(tension_n, expected, max_relative = 0.01);
             assert!((expected - arm.transmission.tension_n(&arm.dynamics.gravity(&at(time_s)))).norm() > 0.5);
         }
     }
 
     #[test]
-    fn friction_drags_on_after_a_motion_has_ended() {
+    fn friction_drags_on_after_a_motion_has_ended_until_a_cable_gives_way() {
         let mut arm = nominal::gold().arm().unwrap();
         arm.link_friction.iter_mut().for_each(|friction| friction.held_part = 1.0);
         let (from, by) = (Vector3::new(0.5, 1.5, 0.4), Vector3::new(0.2, -0.2, 0.04));
         let time_s: Vec<f64> = (0..3000).map(|k| f64::from(k) * 1e-3).collect();
         let at = |time_s: f64| from + by * time_s.min(1.0);
-        let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&at(t))).collect(), time_s };
-        let heard = Arc::new(Mutex::new(Vector3::zeros()));
+        let wound_to = |joint: &Vector3<f64>| arm.transmission.motor_from_joint(joint);
+        let motor = MotorTrack { angle: time_s.iter().map(|&t| wound_to(&at(t))).collect(), time_s };
+        // A tenth of the way is lost from two seconds on, in half a second.
+        let lost = wound_to(&at(0.9)) - wound_to(&at(1.0));
+        let heard = Arc::new(Mutex::new(Vec::new()));
         let hears = heard.clone();
-        let law: MotorLaw = Box::new(move |cables, track| *hears.lock().unwrap() = (cables.tension_n)(2.5, &track.at(2.5).unwrap().0));
+        let law: MotorLaw = Box::new(move |cables, track| {
+            let part = |time_s: f64| (2.0 * (time_s - 2.0)).clamp(0.0, 1.0);
+            track.angle.iter_mut().zip(&track.time_s).for_each(|(angle, &time_s)| *angle += lost * part(time_s));
+            *hears.lock().unwrap() = tensions_n(cables, track);
+        });
         let _ = wound(&[law], &arm, &motor);
-        let drag = Vector3::from_fn(|j, _| arm.link_friction[j].coulomb * by[j].signum());
-        let expected = arm.transmission.tension_n(&(arm.dynamics.gravity(&at(2.5)) + drag));
-        approx::assert_relative_eq!(*heard.lock().unwrap(), expected, max_relative = 0.01);
+        for (k, way, pose) in [(1900, 1.0, at(1.0)), (2900, -1.0, at(0.9))] {
+            let drag = Vector3::from_fn(|j, _| way * arm.link_friction[j].coulomb * by[j].signum());
+            let expected = arm.transmission.tension_n(&(arm.dynamics.gravity(&pose) + drag));
+            approx::assert_relative_eq!(heard.lock().unwrap()[k], expected, max_relative = 0.01);
+        }
     }
 }

@@ -29,7 +29,7 @@ pub struct SteadyMotion {
 pub const PAUSE_MAX_S: f64 = 0.5;
 
 /// Half of the window over which a motor's motion is steady [s].
-pub(super) const HALF_WINDOW_S: f64 = 0.02;
+const HALF_WINDOW_S: f64 = 0.02;
 
 impl MotorTrack {
     /// The sample interval that holds `time_s`: index of its start; `None` outside the track and in pauses.

@@ -35,9 +35,7 @@ pub fn has_play(arm: &Arm) -> bool {
 /// middle.
 #[must_use]
 pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
-    let held = |j: usize| arm.link_friction[j].held_part;
-    let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * half;
-    played(arm, motor, LOAD_S, 0.0, &held, &start, &|lag, half, _, wound| (lag + wound.by).clamp(-half, half)).motors
+    Behind::play(arm).along(motor, 0.0).motors
 }
 
 /// Joints without inertia, behind all their friction.
@@ -69,26 +67,7 @@ impl Dragged {
 /// they are damped.
 #[must_use]
 pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> Dragged {
-    let viscous = [0, 1, 2].map(|j| Viscous::of(arm, j));
-    let follow = |lag: f64, half: f64, j: usize, Wound { by, in_s }: Wound| {
-        let Viscous { cable_s, joint_s } = viscous[j];
-        // Of a joint that stays where it is.
-        let held = lag + by;
-        let pull = held + cable_s * by / in_s;
-        if pull.abs() > half {
-            let sliding = pull.signum() * half + joint_s * by / in_s;
-            return sliding + (lag - sliding) * (-in_s / (cable_s + joint_s)).exp();
-        }
-        let most = arm.link_friction[j].held_part * half;
-        if most >= half {
-            return held;
-        }
-        let kept = (-in_s / (cable_s + (half - most) / arm.stiction_speed(j))).exp();
-        let holding = held.clamp(-most, most);
-        holding + (held - holding) * kept
-    };
-    let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * arm.link_friction[j].held_part * half;
-    played(arm, motor, LOAD_AT_REST_S, STEP_AT_REST_S, &|_| 1.0, &start, &follow)
+    Behind::friction(arm).along(motor, STEP_AT_REST_S)
 }
 
 /// When each joint has moved so far from its start that friction of `times` what it should be no longer keeps it where the past left it [s];
@@ -104,48 +83,109 @@ pub fn stirred_s(arm: &Arm, motor: &MotorTrack, times: f64) -> [Option<f64>; 3] 
     })
 }
 
-/// Motors behind play: `part` of a joint's friction makes it, `start` is how far a joint with half a play lags behind its middle when the motion
-/// begins, and `follow` what becomes of that while the cable is wound. The load is weighed every `load_s`; samples closer than `step_s` are left out.
-fn played(
-    arm: &Arm,
-    motor: &MotorTrack,
+/// Joints that lag behind their motors, step by step.
+pub(super) struct Behind<'a> {
+    arm: &'a Arm,
+    /// Part of a joint's friction that makes its play.
+    part: Box<dyn Fn(usize) -> f64 + 'a>,
+    /// How far a joint with half a play lags behind its middle when the motion begins.
+    start: Box<dyn Fn(f64, usize) -> f64 + 'a>,
+    /// What becomes of that, with half a play, while the cable is wound.
+    follow: Box<dyn Fn(f64, f64, usize, Wound) -> f64 + 'a>,
+    /// Time between two looks at the load [s].
     load_s: f64,
-    step_s: f64,
-    part: &dyn Fn(usize) -> f64,
-    start: &dyn Fn(f64, usize) -> f64,
-    follow: &dyn Fn(f64, f64, usize, Wound) -> f64,
-) -> Dragged {
-    let transmission = &arm.transmission;
-    // How far joints are behind where rigid cables would have them.
-    let (mut behind_rigid, mut rigid_before, mut held) = (Vector3::zeros(), Vector3::zeros(), Held::default());
-    let (mut last_s, mut weighed_s) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-    let mut behind = Dragged::default();
-    let end_s = motor.time_s.last().copied().unwrap_or_default();
-    for (&time_s, angle) in motor.time_s.iter().zip(&motor.angle) {
-        if time_s - last_s < step_s && time_s < end_s {
-            continue;
-        }
-        let rigid = transmission.joint_from_motor(angle);
-        if time_s - weighed_s > load_s {
-            weighed_s = time_s;
-            held = Held::at(arm, &rigid, part);
-        }
-        if time_s - last_s > PAUSE_MAX_S {
-            let begins = last_s == f64::NEG_INFINITY;
-            behind_rigid = held.middle + Vector3::from_fn(|j, _| if begins { start(held.half[j], j) } else { 0.0 });
-            rigid_before = rigid;
-        }
-        let wound = |j: usize| Wound { by: rigid[j] - rigid_before[j], in_s: time_s - last_s };
-        behind_rigid = held.middle + Vector3::from_fn(|j, _| follow(behind_rigid[j] - held.middle[j], held.half[j], j, wound(j)));
-        (rigid_before, last_s) = (rigid, time_s);
-        behind.motors.time_s.push(time_s);
-        behind.motors.angle.push(transmission.motor_from_joint(&(rigid - behind_rigid + held.sag)));
-        behind.drag.push(
-            (behind_rigid - held.middle)
-                .zip_map(&held.half, |lag: f64, half: f64| if half > 0.0 { (lag / half).clamp(-1.0, 1.0) } else { 0.0 }),
-        );
+    held: Held,
+    /// How far joints are behind where rigid cables would have them.
+    behind_rigid: Vector3<f64>,
+    rigid: Vector3<f64>,
+    last_s: f64,
+    weighed_s: f64,
+}
+
+impl<'a> Behind<'a> {
+    fn new(
+        arm: &'a Arm,
+        load_s: f64,
+        part: impl Fn(usize) -> f64 + 'a,
+        start: impl Fn(f64, usize) -> f64 + 'a,
+        follow: impl Fn(f64, f64, usize, Wound) -> f64 + 'a,
+    ) -> Self {
+        let [behind_rigid, rigid] = [Vector3::zeros(); 2];
+        let [last_s, weighed_s] = [f64::NEG_INFINITY; 2];
+        let (part, start, follow) = (Box::new(part), Box::new(start), Box::new(follow));
+        Self { arm, part, start, follow, load_s, held: Held::default(), behind_rigid, rigid, last_s, weighed_s }
     }
-    behind
+
+    /// Behind the friction that holds alone.
+    fn play(arm: &'a Arm) -> Self {
+        let held = |j: usize| arm.link_friction[j].held_part;
+        let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * half;
+        Self::new(arm, LOAD_S, held, start, |lag, half, _, wound| (lag + wound.by).clamp(-half, half))
+    }
+
+    /// Without inertia against all friction, held or giving way, behind cables that stretch no faster than they are damped.
+    pub(super) fn friction(arm: &'a Arm) -> Self {
+        let viscous = [0, 1, 2].map(|j| Viscous::of(arm, j));
+        let follow = move |lag: f64, half: f64, j: usize, Wound { by, in_s }: Wound| {
+            let Viscous { cable_s, joint_s } = viscous[j];
+            // Of a joint that stays where it is.
+            let held = lag + by;
+            let pull = held + cable_s * by / in_s;
+            if pull.abs() > half {
+                let sliding = pull.signum() * half + joint_s * by / in_s;
+                return sliding + (lag - sliding) * (-in_s / (cable_s + joint_s)).exp();
+            }
+            let most = arm.link_friction[j].held_part * half;
+            if most >= half {
+                return held;
+            }
+            let kept = (-in_s / (cable_s + (half - most) / arm.stiction_speed(j))).exp();
+            let holding = held.clamp(-most, most);
+            holding + (held - holding) * kept
+        };
+        let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * arm.link_friction[j].held_part * half;
+        Self::new(arm, LOAD_AT_REST_S, |_| 1.0, start, follow)
+    }
+
+    /// On to a time [s] at which the motors are at `angle` [rad].
+    pub(super) fn step(&mut self, time_s: f64, angle: &Vector3<f64>) {
+        let rigid = self.arm.transmission.joint_from_motor(angle);
+        if time_s - self.weighed_s > self.load_s {
+            self.weighed_s = time_s;
+            self.held = Held::at(self.arm, &rigid, &self.part);
+        }
+        let Held { middle, half, .. } = self.held;
+        if time_s - self.last_s > PAUSE_MAX_S {
+            let begins = self.last_s == f64::NEG_INFINITY;
+            self.behind_rigid = middle + Vector3::from_fn(|j, _| if begins { (self.start)(half[j], j) } else { 0.0 });
+            self.rigid = rigid;
+        }
+        let wound = |j: usize| Wound { by: rigid[j] - self.rigid[j], in_s: time_s - self.last_s };
+        self.behind_rigid = middle + Vector3::from_fn(|j, _| (self.follow)(self.behind_rigid[j] - middle[j], half[j], j, wound(j)));
+        (self.rigid, self.last_s) = (rigid, time_s);
+    }
+
+    /// How much of their dry friction drags at the joints, and which way [-1 to 1].
+    pub(super) fn drag(&self) -> Vector3<f64> {
+        let of_play = |lag: f64, half: f64| if half > 0.0 { (lag / half).clamp(-1.0, 1.0) } else { 0.0 };
+        (self.behind_rigid - self.held.middle).zip_map(&self.held.half, of_play)
+    }
+
+    /// All of a motion; samples closer than `step_s` are left out.
+    fn along(mut self, motor: &MotorTrack, step_s: f64) -> Dragged {
+        let mut dragged = Dragged::default();
+        let end_s = motor.time_s.last().copied().unwrap_or_default();
+        for (&time_s, angle) in motor.time_s.iter().zip(&motor.angle) {
+            if time_s - self.last_s < step_s && time_s < end_s {
+                continue;
+            }
+            self.step(time_s, angle);
+            dragged.motors.time_s.push(time_s);
+            dragged.motors.angle.push(self.arm.transmission.motor_from_joint(&(self.rigid - self.behind_rigid + self.held.sag)));
+            dragged.drag.push(self.drag());
+        }
+        dragged
+    }
 }
 
 /// What a motor winds of a cable over a step, at the joint.
@@ -174,7 +214,7 @@ impl Viscous {
 }
 
 /// Joints at rest in one pose.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Held {
     /// By how much gravity keeps free joints from where rigid cables would have them [rad, rad, m].
     sag: Vector3<f64>,
