@@ -57,7 +57,7 @@ pub fn wound<'a>(laws: &[MotorLaw], arm: &Arm, recorded: &'a MotorTrack) -> Cow<
         }
         *last_s = time_s;
         behind.step(time_s, wound);
-        behind.drag()
+        behind.drag
     };
     let tension_n = |time_s: f64, wound: &Vector3<f64>| {
         let Some(motor) = recorded.steady(time_s) else { return Vector3::zeros() };

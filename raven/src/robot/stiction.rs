@@ -90,13 +90,15 @@ pub(super) struct Behind<'a> {
     part: Box<dyn Fn(usize) -> f64 + 'a>,
     /// How far a joint with half a play lags behind its middle when the motion begins.
     start: Box<dyn Fn(f64, usize) -> f64 + 'a>,
-    /// What becomes of that, with half a play, while the cable is wound.
-    follow: Box<dyn Fn(f64, f64, usize, Wound) -> f64 + 'a>,
+    /// What becomes of that, with half a play, while the cable is wound; and how much of the joint's friction that takes [-1 to 1].
+    follow: Box<dyn Fn(f64, f64, usize, Wound) -> [f64; 2] + 'a>,
     /// Time between two looks at the load [s].
     load_s: f64,
     held: Held,
     /// How far joints are behind where rigid cables would have them.
     behind_rigid: Vector3<f64>,
+    /// How much of their dry friction drags at the joints, and which way [-1 to 1].
+    pub(super) drag: Vector3<f64>,
     rigid: Vector3<f64>,
     last_s: f64,
     weighed_s: f64,
@@ -108,19 +110,23 @@ impl<'a> Behind<'a> {
         load_s: f64,
         part: impl Fn(usize) -> f64 + 'a,
         start: impl Fn(f64, usize) -> f64 + 'a,
-        follow: impl Fn(f64, f64, usize, Wound) -> f64 + 'a,
+        follow: impl Fn(f64, f64, usize, Wound) -> [f64; 2] + 'a,
     ) -> Self {
-        let [behind_rigid, rigid] = [Vector3::zeros(); 2];
+        let [behind_rigid, drag, rigid] = [Vector3::zeros(); 3];
         let [last_s, weighed_s] = [f64::NEG_INFINITY; 2];
         let (part, start, follow) = (Box::new(part), Box::new(start), Box::new(follow));
-        Self { arm, part, start, follow, load_s, held: Held::default(), behind_rigid, rigid, last_s, weighed_s }
+        Self { arm, part, start, follow, load_s, held: Held::default(), behind_rigid, drag, rigid, last_s, weighed_s }
     }
 
     /// Behind the friction that holds alone.
     fn play(arm: &'a Arm) -> Self {
         let held = |j: usize| arm.link_friction[j].held_part;
         let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * half;
-        Self::new(arm, LOAD_S, held, start, |lag, half, _, wound| (lag + wound.by).clamp(-half, half))
+        let follow = |lag: f64, half: f64, _, wound: Wound| {
+            let lag = (lag + wound.by).clamp(-half, half);
+            [lag, part_of(lag, half)]
+        };
+        Self::new(arm, LOAD_S, held, start, follow)
     }
 
     /// Without inertia against all friction, held or giving way, behind cables that stretch no faster than they are damped.
@@ -131,17 +137,18 @@ impl<'a> Behind<'a> {
             // Of a joint that stays where it is.
             let held = lag + by;
             let pull = held + cable_s * by / in_s;
+            let drag = part_of(pull, half);
             if pull.abs() > half {
                 let sliding = pull.signum() * half + joint_s * by / in_s;
-                return sliding + (lag - sliding) * (-in_s / (cable_s + joint_s)).exp();
+                return [sliding + (lag - sliding) * (-in_s / (cable_s + joint_s)).exp(), drag];
             }
             let most = arm.link_friction[j].held_part * half;
             if most >= half {
-                return held;
+                return [held, drag];
             }
             let kept = (-in_s / (cable_s + (half - most) / arm.stiction_speed(j))).exp();
             let holding = held.clamp(-most, most);
-            holding + (held - holding) * kept
+            [holding + (held - holding) * kept, drag]
         };
         let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * arm.link_friction[j].held_part * half;
         Self::new(arm, LOAD_AT_REST_S, |_| 1.0, start, follow)
@@ -160,15 +167,12 @@ impl<'a> Behind<'a> {
             self.behind_rigid = middle + Vector3::from_fn(|j, _| if begins { (self.start)(half[j], j) } else { 0.0 });
             self.rigid = rigid;
         }
-        let wound = |j: usize| Wound { by: rigid[j] - self.rigid[j], in_s: time_s - self.last_s };
-        self.behind_rigid = middle + Vector3::from_fn(|j, _| (self.follow)(self.behind_rigid[j] - middle[j], half[j], j, wound(j)));
+        for j in 0..3 {
+            let wound = Wound { by: rigid[j] - self.rigid[j], in_s: time_s - self.last_s };
+            let [lag, drag] = (self.follow)(self.behind_rigid[j] - middle[j], half[j], j, wound);
+            (self.behind_rigid[j], self.drag[j]) = (middle[j] + lag, drag);
+        }
         (self.rigid, self.last_s) = (rigid, time_s);
-    }
-
-    /// How much of their dry friction drags at the joints, and which way [-1 to 1].
-    pub(super) fn drag(&self) -> Vector3<f64> {
-        let of_play = |lag: f64, half: f64| if half > 0.0 { (lag / half).clamp(-1.0, 1.0) } else { 0.0 };
-        (self.behind_rigid - self.held.middle).zip_map(&self.held.half, of_play)
     }
 
     /// All of a motion; samples closer than `step_s` are left out.
@@ -182,10 +186,15 @@ impl<'a> Behind<'a> {
             self.step(time_s, angle);
             dragged.motors.time_s.push(time_s);
             dragged.motors.angle.push(self.arm.transmission.motor_from_joint(&(self.rigid - self.behind_rigid + self.held.sag)));
-            dragged.drag.push(self.drag());
+            dragged.drag.push(self.drag);
         }
         dragged
     }
+}
+
+/// Part of half a play that a lag takes [-1 to 1].
+fn part_of(lag: f64, half: f64) -> f64 {
+    if half > 0.0 { (lag / half).clamp(-1.0, 1.0) } else { 0.0 }
 }
 
 /// What a motor winds of a cable over a step, at the joint.
