@@ -43,7 +43,7 @@ pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
 pub struct Dragged {
     /// The motors that would move free joints in the same way.
     pub motors: MotorTrack,
-    /// How much of their dry friction drags at the joints then, and which way [-1 to 1].
+    /// How much of their dry friction drags at the joints then, and which way [-1 to 1]: by their cables' stretch, which changes smoothly.
     pub drag: Vec<Vector3<f64>>,
 }
 
@@ -97,7 +97,7 @@ pub(super) struct Behind<'a> {
     held: Held,
     /// How far joints are behind where rigid cables would have them.
     behind_rigid: Vector3<f64>,
-    /// How much of their dry friction drags at the joints, and which way [-1 to 1].
+    /// How much of their dry friction drags at the joints, and which way [-1 to 1]: by all that their cables pull, dampers too.
     pub(super) drag: Vector3<f64>,
     rigid: Vector3<f64>,
     last_s: f64,
@@ -186,7 +186,7 @@ impl<'a> Behind<'a> {
             self.step(time_s, angle);
             dragged.motors.time_s.push(time_s);
             dragged.motors.angle.push(self.arm.transmission.motor_from_joint(&(self.rigid - self.behind_rigid + self.held.sag)));
-            dragged.drag.push(self.drag);
+            dragged.drag.push((self.behind_rigid - self.held.middle).zip_map(&self.held.half, part_of));
         }
         dragged
     }
