@@ -43,7 +43,7 @@ impl Fitter<'_> {
             let slack = |&effect: &usize| (effect, self.coordinates.of(effect).map(|c| best.u[c]).collect::<Vec<f64>>());
             let slacks = best.effects.iter().filter(|&&effect| self.is_loose(effect)).map(slack);
             let starts = slacks.flat_map(|(effect, u)| SLACKS.map(|part| (effect, u.iter().map(|u| part * u).collect())));
-            other |= self.begun_again(outcome, nominal, &starts.collect::<Vec<_>>())?;
+            other |= self.begun_again(outcome, nominal, &starts.collect::<Vec<_>>(), &[Following::Held, Following::Settled])?;
         }
         Ok(other)
     }
@@ -81,16 +81,17 @@ impl Fitter<'_> {
             let (last, count) = (starts.len().saturating_sub(1), starts.len().min(STARTS_MAX));
             (0..count).map(|k| (effect, starts[k * last / (count - 1).max(1)].clone())).collect::<Vec<_>>()
         };
-        self.begun_again(outcome, nominal, &alone.iter().take(AGAIN).flat_map(of_effect).collect::<Vec<_>>())
+        let starts: Vec<_> = alone.iter().take(AGAIN).flat_map(of_effect).collect();
+        self.begun_again(outcome, nominal, &starts, &[Following::Held])
     }
 
-    /// Fits single effects from the nominal model and these numbers of theirs; as [`Self::closely`].
-    fn begun_again(&self, outcome: &mut Outcome, nominal: &Hypothesis, starts: &[(usize, Vec<f64>)]) -> Result<bool> {
+    /// Fits single effects from the nominal model and these numbers of theirs in several ways; as [`Self::closely`].
+    fn begun_again(&self, outcome: &mut Outcome, nominal: &Hypothesis, starts: &[(usize, Vec<f64>)], ways: &[Following]) -> Result<bool> {
         let fitted = |(effect, start): &(usize, Vec<f64>)| {
             let mut u = nominal.u.clone();
             self.coordinates.of(*effect).zip(start).for_each(|(c, value)| u[c] = *value);
-            let fits = [Following::Held, Following::Settled].map(|following| self.fit_with(&[*effect], &u, Some(nominal), following));
-            fits.into_iter().collect::<Result<Vec<Option<Hypothesis>>>>()
+            let fits = ways.iter().map(|&following| self.fit_with(&[*effect], &u, Some(nominal), following));
+            fits.collect::<Result<Vec<Option<Hypothesis>>>>()
         };
         let fitted: Result<Vec<Vec<Option<Hypothesis>>>> = starts.par_iter().map(fitted).collect();
         let mut fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().flatten().collect();
