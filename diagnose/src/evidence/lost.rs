@@ -4,7 +4,7 @@
 //! far from the recordings; so does the nominal model's where a soft cable is within its tolerance. Where something remains, the best
 //! hypothesis and the one without effects go on by slopes of rolled-out links. Where the best explains nothing, effects of that kind are
 //! fitted again from the nominal model at several sizes, and so is a slack that leaves something: first all other numbers with these held, then
-//! everything.
+//! everything. A slack whose size is known begins by settled slopes as well: held, a large one can go astray.
 
 use raven::Result;
 use rayon::prelude::*;
