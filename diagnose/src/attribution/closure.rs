@@ -136,7 +136,7 @@ pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hy
 /// All coordinates as the other half of the blocks gives them.
 fn fitted_elsewhere(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Vec<f64>> {
     let others = rows.only(&|time_s| block(time_s) % 2 != fold);
-    let fitted = Fitter { rows: others.as_ref(), coordinates }.fit(&named.effects, &named.u, None)?;
+    let fitted = Fitter::new(others.as_ref(), coordinates).fit(&named.effects, &named.u, None)?;
     Ok(fitted.map_or_else(|| named.u.clone(), |hypothesis| hypothesis.u))
 }
 

@@ -165,13 +165,13 @@ pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recordi
 /// What causes the gap of recordings of either kind, and how far it closes.
 fn attributed(rows: &dyn Sampled, mut each: impl FnMut()) -> Result<Attribution> {
     let coordinates = Coordinates::new(rows.robot(), rows);
-    let fitter = Fitter { rows, coordinates: &coordinates };
+    let fitter = Fitter::new(rows, &coordinates);
     let outcome = followed(rows, fitter.search(&mut each)?)?;
     // Friction that was found makes samples near rest doubtful that were not: the likely hypotheses are judged anew.
     let Some(rows) = rows.reweighted(&coordinates.settings(&fitter.effects_alone(&outcome.best)))? else {
         return concluded(rows, &coordinates, &outcome);
     };
-    let fitter = Fitter { rows: &*rows, coordinates: &coordinates };
+    let fitter = Fitter::new(&*rows, &coordinates);
     let outcome = followed(&*rows, fitter.search_again(&outcome, each)?)?;
     concluded(&*rows, &coordinates, &outcome)
 }
@@ -186,7 +186,7 @@ fn followed(rows: &dyn Sampled, outcome: Option<Outcome>) -> Result<Outcome> {
 }
 
 fn concluded(rows: &dyn Sampled, coordinates: &Coordinates, outcome: &Outcome) -> Result<Attribution> {
-    let (mut attribution, closing) = attribution(&Fitter { rows, coordinates }, outcome)?;
+    let (mut attribution, closing) = attribution(&Fitter::new(rows, coordinates), outcome)?;
     (attribution.gap, attribution.remaining) = closure::closures(rows, coordinates, closing)?;
     Ok(attribution)
 }
@@ -218,8 +218,8 @@ pub fn when_told(
         at.ok_or_else(|| raven::Error::Data(format!("these recordings cannot show `{}`.", words::at(id, joint))))
     };
     let told = effects.iter().map(of_name).collect::<Result<Vec<usize>>>()?;
-    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
-    let fitted = |rows: &Rows| Fitter { rows, ..fitter }.told(&told);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let fitted = |rows: &Rows| Fitter::new(rows, &coordinates).told(&told);
     let closed = |rows: &Rows, (hypothesis, evidence_nats): (Hypothesis, f64)| {
         Ok(Told { gap: closure::closures(rows, &coordinates, &hypothesis)?.0, evidence_nats })
     };

@@ -91,6 +91,16 @@ pub struct Fitter<'a> {
     pub rows: &'a dyn Observed,
     /// Numbers.
     pub coordinates: &'a Coordinates,
+    /// Whether the numbers of how any joint follows its cable go by slopes of rolled-out links.
+    pub closely: bool,
+}
+
+impl<'a> Fitter<'a> {
+    /// By slopes of settled links.
+    #[must_use]
+    pub fn new(rows: &'a dyn Observed, coordinates: &'a Coordinates) -> Self {
+        Self { rows, coordinates, closely: false }
+    }
 }
 
 impl Fitter<'_> {
@@ -115,7 +125,11 @@ impl Fitter<'_> {
     /// Whether a number is about how a joint of `effects` follows its cable; where there are none, of any joint whose number is strained.
     fn follows_as(&self, c: usize, effects: &[usize], start: &[f64]) -> bool {
         let effect = self.coordinates.all[c].effect;
-        let follows = matches!(self.coordinates.sited[effect].effect.id, "cable-stretch" | "link-coulomb-friction");
+        let id = self.coordinates.sited[effect].effect.id;
+        if self.closely {
+            return matches!(id, "cable-stretch" | "cable-damping" | "link-coulomb-friction");
+        }
+        let follows = matches!(id, "cable-stretch" | "link-coulomb-friction");
         let with_effect = |&e: &usize| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect));
         follows && if effects.is_empty() { self.strain(c, start) > STRAINED } else { effects.iter().any(with_effect) }
     }
@@ -178,7 +192,7 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub fn fit(&self, effects: &[usize], start: &[f64], like: Option<&Hypothesis>) -> Result<Option<Hypothesis>> {
-        self.fit_with(effects, start, like, Following::Settled)
+        self.fit_with(effects, start, like, if self.closely { Following::RolledOut } else { Following::Settled })
     }
 
     /// As [`Self::fit`], with the numbers of how joints with an effect follow their cable treated as `following` says.
@@ -213,10 +227,12 @@ impl Fitter<'_> {
         };
         let mut columns: Vec<Option<(Column, f64)>> = free.iter().map(borrowed).collect();
         let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
-        let of_joints = |k: usize| own(k) || self.follows_as(free[k], &effects, start);
+        // What does not change how joints follow has the same slopes either way.
+        let own_follows = |k: usize| own(k) && (!self.closely || self.followed(self.coordinates.all[free[k]].effect).is_some());
+        let of_joints = |k: usize| own_follows(k) || self.follows_as(free[k], &effects, start);
         let (links_of_joints, steps) = match following {
             Following::Settled | Following::Held => (Links::Settled, STEPS_MAX),
-            Following::RolledOut => (Links::RolledOut, CLOSE_STEPS_MAX),
+            Following::RolledOut => (Links::RolledOut, if self.closely { STEPS_MAX } else { CLOSE_STEPS_MAX }),
         };
         let mut damping = DAMPING[0];
         let mut holds = following == Following::Held;

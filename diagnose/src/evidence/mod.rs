@@ -3,6 +3,7 @@
 mod again;
 pub mod bench;
 mod beyond;
+mod close;
 pub mod clustered;
 pub mod coordinates;
 pub mod data;

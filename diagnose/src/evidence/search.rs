@@ -116,6 +116,7 @@ impl Fitter<'_> {
         if self.found_again(&mut outcome, &nominal)? {
             self.add_and_shed(&mut outcome, &nominal, each)?;
         }
+        self.look_closely(&mut outcome)?;
         self.temper(&mut outcome);
         Ok(Some(outcome))
     }

@@ -50,7 +50,7 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Seen<R> {
     fn is_beyond_scatter(&self) -> (bool, f64) {
         let coordinates = Coordinates::new(&self.robot, self);
         assert_eq!(coordinates.sited.len(), 1);
-        let fitter = Fitter { rows: self, coordinates: &coordinates };
+        let fitter = Fitter::new(self, &coordinates);
         let outcome = fitter.search(|| {}).unwrap().unwrap();
         let point = fitter.at_nominal().unwrap().unwrap();
         let candidate = fitter.screen(&point, 0.0).unwrap().remove(0);
@@ -93,7 +93,7 @@ fn where_joints_happen_to_stick_is_no_evidence_for_an_effect() {
     let sticks_below = 1.198;
     let rows = Seen::new(&[("cable-coupling", [0, 1])], moved_by(|u| u[0], 1.2, sticks_below));
     let coordinates = Coordinates::new(&rows.robot, &rows);
-    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
+    let fitter = Fitter::new(&rows, &coordinates);
     let outcome = fitter.search(|| {}).unwrap().unwrap();
     let (coupled, _) = &outcome.fitted[&vec![0]];
     let strain = 0.5 * (coupled.u[0] / coordinates.all[0].spike.unwrap()).powi(2);
@@ -130,10 +130,27 @@ fn a_joint_that_does_not_do_what_slopes_promise_does_not_keep_others_from_theirs
         (0..ROWS).map(row).collect()
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
-    let fitter = Fitter { rows: &rows, coordinates: &coordinates };
+    let fitter = Fitter::new(&rows, &coordinates);
     let effect = |n: usize| (0..2).find(|&effect| rows.number(&coordinates.sited[effect]) == Some(n)).unwrap();
     let fitted = fitter.fit(&[effect(1)], &fitter.nowhere(), None).unwrap().unwrap();
     let [offset, soft] = [0, 1].map(|n| fitted.u[coordinates.sizes(effect(n)).next().unwrap()]);
     // The hard stop is known to a tolerance.
     assert!(offset > 0.8 && soft.abs() < 1e-3, "{offset} {soft}");
+}
+
+#[test]
+fn what_slopes_of_settled_links_leave_out_is_no_evidence_for_an_effect() {
+    // A tolerance of the cable's stiffness does all of it where links are rolled out, and nothing where they are settled; a coupling of eight of its
+    // own does either way.
+    let effects = [("cable-stretch", [1, 0]), ("cable-coupling", [0, 1])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [soft, coupled] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let moved = 0.066 * coupled + if links == Links::RolledOut { 1.5 * soft } else { 0.0 };
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * (k as f64).sin() * (0.105 - moved)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
+    assert!(outcome.best.effects.is_empty(), "{:?}", outcome.best.effects);
+    let missed = outcome.none.residuals.iter().map(|r| r * r).sum::<f64>();
+    assert!(missed < 0.1 * (SEEN * 0.105).powi(2) * ROWS as f64, "{missed}");
 }

@@ -39,7 +39,7 @@ fn found(robot: &Robot, recording: Recording) -> Vec<(&'static str, Vec<f64>, &'
     let recordings = [recording];
     let bench = Bench::new(robot, &recordings).unwrap();
     let coordinates = Coordinates::new(robot, &bench);
-    let fitter = Fitter { rows: &bench, coordinates: &coordinates };
+    let fitter = Fitter::new(&bench, &coordinates);
     let best: Hypothesis = fitter.search(|| {}).unwrap().unwrap().best;
     let of = |&e: &usize| {
         let (sited, measure) = (&coordinates.sited[e], coordinates.kinds[e]);

@@ -38,7 +38,7 @@ fn left(robot: &Robot, recording: &Recording, effects: Option<&[&str]>, what: us
     let recordings = std::slice::from_ref(recording);
     let bench = Bench::new(robot, recordings).unwrap().weighted(|_, time_s| if held_out(time_s) { 0.0 } else { 1.0 });
     let coordinates = Coordinates::new(robot, &bench);
-    let fitter = Fitter { rows: &bench, coordinates: &coordinates };
+    let fitter = Fitter::new(&bench, &coordinates);
     let found: Vec<usize> =
         effects.iter().flat_map(|ids| ids.iter()).filter_map(|id| coordinates.sited.iter().position(|s| s.effect.id == *id)).collect();
     let mut start = fitter.nowhere();
@@ -91,7 +91,7 @@ fn a_raven_without_dry_friction_in_its_file_is_found_to_have_it() {
     let data = [Data::new(&recording, None).unwrap()];
     let rows = Rows::new(&robot, None, &data).unwrap();
     let coordinates = Coordinates::new(&robot, &rows);
-    let best = Fitter { rows: &rows, coordinates: &coordinates }.search(|| {}).unwrap().unwrap().best;
+    let best = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap().best;
     let found: Vec<_> = best.effects.iter().map(|&e| (coordinates.sited[e].effect.id, coordinates.sited[e].place.first)).collect();
     let mut joints: Vec<usize> = found.iter().filter(|(id, _)| id.ends_with("coulomb-friction")).map(|(_, joint)| *joint).collect();
     joints.sort_unstable();

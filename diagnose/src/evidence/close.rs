@@ -1,0 +1,64 @@
+//! Hypotheses fitted once more by slopes of rolled-out links, where little is between the best and none.
+//!
+//! Slopes of settled links leave out how cables and friction that holds follow a motion. A fit by them may stop some nats short, the nominal
+//! model's by twenty-five, which an effect that is not there then makes good.
+
+use raven::Result;
+
+use super::fit::{Fitter, Hypothesis};
+use super::search::{Outcome, WITHIN_NATS};
+
+/// Others that are as near the best as this [nat] are fitted too, so many of them at most.
+const OTHERS_NATS: f64 = 10.0;
+const OTHERS_MAX: usize = 3;
+
+impl Fitter<'_> {
+    /// Fits what is likely once more, and goes on with the best of it.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub(super) fn look_closely(&self, outcome: &mut Outcome) -> Result<()> {
+        let gain = outcome.best.evidence - outcome.none.evidence;
+        if outcome.best.effects.is_empty() || gain > WITHIN_NATS {
+            return Ok(());
+        }
+        let closely = Fitter { closely: true, ..*self };
+        let again = |effects: &[usize], u: &[f64]| closely.fit(effects, u, None);
+        let Some(none) = again(&[], &outcome.none.u)? else { return Ok(()) };
+        let mut likely = self.as_likely(outcome);
+        // With the nominal model's numbers from either.
+        let from_none = self.beside(&none, &outcome.best);
+        likely.push((outcome.best.effects.clone(), from_none));
+        for (effects, u) in likely {
+            if let Some(hypothesis) = again(&effects, &u)? {
+                outcome.keep(&hypothesis);
+            }
+        }
+        outcome.keep(&none);
+        let mut best = outcome.none.clone();
+        for (hypothesis, _) in outcome.fitted.values() {
+            if self.better(outcome, hypothesis, &best) {
+                best = hypothesis.clone();
+            }
+        }
+        outcome.best = best;
+        Ok(())
+    }
+
+    /// Effects and numbers of the best hypothesis and of those with effects that are hardly behind it.
+    fn as_likely(&self, outcome: &Outcome) -> Vec<(Vec<usize>, Vec<f64>)> {
+        let best = &outcome.best;
+        let fitted = outcome.fitted.values().map(|(hypothesis, _)| hypothesis);
+        let mut near: Vec<&Hypothesis> =
+            fitted.filter(|h| !h.effects.is_empty() && h.effects != best.effects && h.evidence > best.evidence - OTHERS_NATS).collect();
+        near.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        [best].into_iter().chain(near.into_iter().take(OTHERS_MAX)).map(|h| (h.effects.clone(), h.u.clone())).collect()
+    }
+
+    /// Numbers of the nominal model as one hypothesis has them, effects as another does.
+    fn beside(&self, nominal: &Hypothesis, effects: &Hypothesis) -> Vec<f64> {
+        let mut u = nominal.u.clone();
+        effects.effects.iter().flat_map(|&effect| self.coordinates.of(effect)).for_each(|c| u[c] = effects.u[c]);
+        u
+    }
+}
