@@ -5,10 +5,15 @@
 //! hypothesis and the one without effects go on by slopes of rolled-out links. Where the best explains nothing, effects of that kind are
 //! fitted again from the nominal model at several sizes, and so is a slack that leaves something: first all other numbers with these held, then
 //! everything. A slack whose size is known begins by settled slopes as well: held, a large one can go astray.
+//!
+//! A soft cable is fitted on by slopes of rolled-out links before anything is looked for beside it, and what an effect is known to stand in for is
+//! fitted from the values that do about the same: from far away a soft cable's slopes lead anywhere, but creep that is over within seconds is one.
 
 use raven::Result;
+use raven::effects::{Scale, Sited};
 use rayon::prelude::*;
 
+use super::coordinates::Coordinates;
 use super::fit::{Fitter, Following, Hypothesis};
 use super::leftover::ACCOUNTED;
 use super::search::Outcome;
@@ -19,12 +24,17 @@ const AGAIN: usize = 2;
 const STARTS_MAX: usize = 3;
 /// Starts of a slack that was found, as parts of its size.
 const SLACKS: [f64; STARTS_MAX] = [0.6, 1.0, 1.7];
+/// Part of its stiffness below which a cable is soft: with the nominal dampers its joint follows a tenth of a second late and more.
+const SOFT: f64 = 0.1;
 /// How many of these fits go on by slopes of rolled-out links.
 const CLOSELY: usize = 2;
 
 impl Fitter<'_> {
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
+        if self.stood_in(outcome)? {
+            return Ok(true);
+        }
         if !self.leftover(&outcome.best).remains() {
             return Ok(false);
         }
@@ -46,6 +56,47 @@ impl Fitter<'_> {
             other |= self.begun_again(outcome, nominal, &starts.collect::<Vec<_>>(), &[Following::Held, Following::Settled])?;
         }
         Ok(other)
+    }
+
+    /// `best`, fitted on by slopes of rolled-out links if it has a cable so soft that its joint follows slowly: those of settled links lead it
+    /// astray by tens of nats, which another effect then makes good.
+    pub(super) fn followed_closely(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
+        let Coordinates { sited, kinds, .. } = self.coordinates;
+        let is_soft = |effect: usize, c: usize| {
+            let value = self.coordinates.parameter(c).value(best.u[c], kinds[effect]);
+            matches!(self.scale(c), Scale::Factor(_)) && value < SOFT
+        };
+        let mut stretches = best.effects.iter().copied().filter(|&effect| sited[effect].effect.id == "cable-stretch");
+        if !stretches.any(|effect| self.coordinates.of(effect).any(|c| is_soft(effect, c))) {
+            return Ok(best);
+        }
+        let closely = self.fit_with(&best.effects, &best.u, None, Following::RolledOut)?;
+        let Some(closely) = closely.filter(|closely| closely.evidence > best.evidence) else { return Ok(best) };
+        outcome.keep(&closely);
+        Ok(closely)
+    }
+
+    /// Fits what an effect of the best hypothesis may stand in for, with the values that do about the same; as [`Self::closely`].
+    fn stood_in(&self, outcome: &mut Outcome) -> Result<bool> {
+        let Coordinates { sited, kinds, .. } = self.coordinates;
+        let best = outcome.best.clone();
+        let mut others = Vec::new();
+        for &found in &best.effects {
+            let values: Vec<f64> =
+                self.coordinates.of(found).map(|c| self.coordinates.parameter(c).value(best.u[c], kinds[found])).collect();
+            for tie in sited[found].effect.ties {
+                let Some(alike) = tie.values else { continue };
+                let is_tied = |other: &Sited| other.effect.id == tie.id && other.place == sited[found].place;
+                let Some(other) = sited.iter().position(is_tied).filter(|other| !best.effects.contains(other)) else { continue };
+                let mut u = self.without(found, &best.u);
+                for (c, value) in self.coordinates.of(other).zip(alike(&values)) {
+                    u[c] = self.coordinates.parameter(c).u(value, kinds[other]);
+                }
+                let effects = best.effects.iter().map(|&effect| if effect == found { other } else { effect });
+                others.push(Hypothesis { effects: effects.collect(), u, ..best.clone() });
+            }
+        }
+        self.closely(outcome, &others)
     }
 
     /// Goes on with hypotheses by slopes of rolled-out links. Tells whether one of them is better than the best, which it then is.

@@ -192,6 +192,7 @@ impl Fitter<'_> {
         let alone = parameters.len() == 1;
         let shaped = parameters.iter().any(|p| !p.scale.is_size());
         let counted = parameters.iter().any(|p| matches!(p.scale, Scale::Whole { .. }));
+        let sizes_vanish = parameters.iter().any(|p| matches!(p.scale, Scale::Offset(_) | Scale::Magnitude(_)));
         // A limit has no slope where nothing reaches it, and far too much where everything does.
         let fine: Vec<f64> = (-10..=8).map(|k| 0.25 * f64::from(k)).collect();
         let is_cheap = self.coordinates.sited[effect].effect.channels == [Channel::Torque];
@@ -216,6 +217,8 @@ impl Fitter<'_> {
                 // A second shape is left to the fit.
                 Scale::Shape { .. } if starts[0].iter().zip(parameters).any(|(_, p)| matches!(p.scale, Scale::Shape { .. })) => &[0.0],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
+                // Where the size vanishes, nothing has been anywhere.
+                Scale::State(_) if !sizes_vanish => &[0.0],
                 Scale::State(_) => &[0.0, 1.0],
                 Scale::Whole { .. } => &whole,
                 Scale::Moment => &[0.05, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95],

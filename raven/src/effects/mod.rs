@@ -84,13 +84,32 @@ pub enum Channel {
     Tip,
 }
 
+/// Values of an effect that does about the same as another one with its values.
+pub type Alike = fn(&[f64]) -> Vec<f64>;
+
 /// Another effect that looks alike.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Tie {
     /// Its identifier.
     pub id: &'static str,
     /// Whether no recording of motors and tip can tell them apart.
     pub exact: bool,
+    /// The values with which it does about the same, by those of this effect; `None` where that is not known.
+    pub values: Option<Alike>,
+}
+
+impl Tie {
+    const fn near(id: &'static str) -> Self {
+        Self { id, exact: false, values: None }
+    }
+
+    const fn exact(id: &'static str) -> Self {
+        Self { exact: true, ..Self::near(id) }
+    }
+
+    const fn with(self, values: Alike) -> Self {
+        Self { values: Some(values), ..self }
+    }
 }
 
 /// One kind of effect.

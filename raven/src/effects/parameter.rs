@@ -124,6 +124,22 @@ impl Parameter {
         }
     }
 
+    /// The `u` of a value; of a magnitude the one that is not negative.
+    #[must_use]
+    pub fn u(&self, value: f64, measure: Measure) -> f64 {
+        match self.scale {
+            Scale::Offset(size) | Scale::Magnitude(size) => value / self.size(size, measure),
+            Scale::State(size) => value / size,
+            Scale::Factor(size) => value.ln() / size,
+            Scale::Shape { middle, size } => (value / (measure.times(self.unit) * middle)).ln() / size,
+            Scale::Moment => value,
+            Scale::Whole { most } => {
+                let (middle, spread) = spread(most);
+                (value - middle) / spread
+            }
+        }
+    }
+
     /// Deviation of the value where `u` has the deviation `std`.
     #[must_use]
     pub fn std(&self, u: f64, std: f64, measure: Measure) -> f64 {

@@ -14,6 +14,19 @@ fn identifiers_are_unique_and_ties_are_known() {
 }
 
 #[test]
+fn values_and_their_units_of_a_slab_are_the_same_thing() {
+    for sited in Sited::all(&nominal::gold()) {
+        for parameter in sited.effect.parameters {
+            for u in [0.3, 1.0] {
+                let value = parameter.value(u, sited.measure);
+                let again = parameter.value(parameter.u(value, sited.measure), sited.measure);
+                approx::assert_relative_eq!(again, value, max_relative = 1e-12);
+            }
+        }
+    }
+}
+
+#[test]
 fn no_effect_is_no_change() {
     let robot = nominal::gold();
     for sited in Sited::all(&robot) {

@@ -23,6 +23,10 @@ pub struct Cable {
     /// Stretch over which the pair does not pull at all [m].
     #[serde(default)]
     pub slack: f64,
+    /// Part of the stretch under the joint's load that a recording finds not yet there as it begins: 0 of a cable that has settled, 1 of one
+    /// that was without load until then.
+    #[serde(default)]
+    pub fresh_part: f64,
 }
 
 fn one() -> f64 {
@@ -33,7 +37,7 @@ impl Cable {
     /// With a stiffness [N] and a damping [N s/m], taut, exponent in metres.
     #[must_use]
     pub fn new(stiffness: f64, damping: f64) -> Self {
-        Self { stiffness, damping, exponent_length: 1.0, slack: 0.0 }
+        Self { stiffness, damping, exponent_length: 1.0, slack: 0.0, fresh_part: 0.0 }
     }
 
     /// Tension difference [N] at a stretch [m] and its rate [m/s].

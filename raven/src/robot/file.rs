@@ -403,6 +403,7 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
         within(&key("cable.damping"), cable.damping, [0.0, 1e7], "N s/m", "another unit")?;
         within(&key("cable.exponent_length"), cable.exponent_length, [1e-6, 10.0], "m", "millimetres")?;
         within(&key("cable.slack"), cable.slack, [0.0, 0.1], "m", "millimetres")?;
+        within(&key("cable.fresh_part"), cable.fresh_part, [-30.0, 30.0], "1", "percent")?;
     }
     within(&key("hysteresis.half_loop"), joint.hysteresis.half_loop, [-0.2, 0.2], unit, meant)?;
     within(&key("hysteresis.length"), joint.hysteresis.length, [1e-5, 1.0], unit, meant)?;

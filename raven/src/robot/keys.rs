@@ -4,7 +4,7 @@ use super::{JointType, KinematicsKind, Observation, Robot};
 use crate::Result;
 
 /// Numbers of a joint, with their units on a revolute and on a prismatic joint.
-const OF_JOINT: [(&str, [&str; 2]); 21] = [
+const OF_JOINT: [(&str, [&str; 2]); 22] = [
     ("gear_ratio", ["1", "1"]),
     ("motor_capstan_radius", ["m", "m"]),
     ("link_pulley_radius", ["m", "1"]),
@@ -17,6 +17,7 @@ const OF_JOINT: [(&str, [&str; 2]); 21] = [
     ("cable.damping", ["N s/m", "N s/m"]),
     ("cable.exponent_length", ["m", "m"]),
     ("cable.slack", ["m", "m"]),
+    ("cable.fresh_part", ["1", "1"]),
     ("motor.inertia", ["kg m^2", "kg m^2"]),
     ("motor.coulomb_friction", ["N m", "N m"]),
     ("motor.viscous_friction", ["N m s", "N m s"]),
@@ -99,6 +100,7 @@ impl Robot {
                     ["cable", "damping"] => joint.cable.as_mut().map(|c| &mut c.damping),
                     ["cable", "exponent_length"] => joint.cable.as_mut().map(|c| &mut c.exponent_length),
                     ["cable", "slack"] => joint.cable.as_mut().map(|c| &mut c.slack),
+                    ["cable", "fresh_part"] => joint.cable.as_mut().map(|c| &mut c.fresh_part),
                     ["motor", "inertia"] => joint.motor.as_mut().map(|m| &mut m.inertia),
                     ["motor", "coulomb_friction"] => joint.motor.as_mut().map(|m| &mut m.coulomb_friction),
                     ["motor", "viscous_friction"] => joint.motor.as_mut().map(|m| &mut m.viscous_friction),

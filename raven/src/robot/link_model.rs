@@ -198,25 +198,36 @@ impl LinkModel {
     /// The stretch is so small that gravity at the rigid position is gravity at the stretched one to second order; two passes suffice.
     #[must_use]
     pub fn settled(&self, motor: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
-        self.settled_under(motor, |tension| Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j])).0
+        let drag = |tension: &Vector3<f64>| Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j]);
+        self.settled_under(motor, drag, &Vector3::zeros()).0
     }
 
-    /// The links at rest, held by friction that lets them lag by so much of the most behind where the cables would have them.
-    pub(super) fn held(&self, motor: &Vector3<f64>, lag: &Vector3<f64>) -> LinkState {
-        let drag = |tension: &Vector3<f64>| self.holding_n(tension).component_mul(lag);
-        let (position, tension) = self.settled_under(motor, drag);
-        LinkState { anchor: Some(self.grip.anchor(&position, &drag(&tension))), ..LinkState::new(position, Vector3::zeros()) }
+    /// The links at rest: where the cables have them, or as a recording that begins finds them, with cables that have not stretched by all
+    /// they will, and gripped by friction that lets them lag behind.
+    pub(super) fn resting(&self, motor: &Vector3<f64>, begins: bool, gripped: bool) -> LinkState {
+        let at_start = |part: &dyn Fn(usize) -> f64| Vector3::from_fn(|j, _| if begins { part(j) } else { 0.0 });
+        let fresh = at_start(&|j| self.arm.cables[j].fresh_part);
+        let lag = at_start(&|j| if gripped { self.arm.link_friction[j].lag_at_start } else { 0.0 });
+        let drag = |tension: &Vector3<f64>| self.holding_n(tension).component_mul(&lag);
+        let (position, tension) = self.settled_under(motor, drag, &fresh);
+        LinkState { anchor: gripped.then(|| self.grip.anchor(&position, &drag(&tension))), ..LinkState::new(position, Vector3::zeros()) }
     }
 
-    /// Joint angles at which the cables hold the links against gravity and a drag that may depend on their tension, and that tension [N].
-    fn settled_under(&self, motor: &Vector3<f64>, drag: impl Fn(&Vector3<f64>) -> Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    /// Joint angles at which the cables hold the links against gravity and a drag that may depend on their tension, and that tension [N];
+    /// cables of which a part of the stretch is not there yet as if it were.
+    fn settled_under(
+        &self,
+        motor: &Vector3<f64>,
+        drag: impl Fn(&Vector3<f64>) -> Vector3<f64>,
+        fresh: &Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
         let rigid = self.arm.transmission.joint_from_motor(motor);
         let mut joint = rigid;
         let mut tension = Vector3::zeros();
         for _ in 0..2 {
             let load = self.arm.dynamics.gravity(&joint) + drag(&tension);
             tension = self.arm.transmission.tension_n(&load);
-            let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]));
+            let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]) * (1.0 - fresh[j]));
             joint = rigid - self.arm.transmission.joint_lag(&stretch);
         }
         (joint, tension)

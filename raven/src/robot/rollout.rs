@@ -95,7 +95,7 @@ impl LinkModel {
     /// Link states at `times_s` (sorted), the motors following `driving`, behind the play of friction that holds; `None` at times outside the
     /// track and in its pauses.
     ///
-    /// After each pause the links start at rest where the cables hold them.
+    /// They start at rest as the file has them, and after each pause where the cables hold them.
     #[must_use]
     pub fn rollout(&self, driving: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
         self.rolled(driving, times_s, false)
@@ -114,12 +114,7 @@ impl LinkModel {
             let carried = now.and_then(|(at, state)| self.follow(state, motor, at, time_s));
             let state = carried.or_else(|| {
                 let start = motor.segment_start(interval);
-                let lag = Vector3::from_fn(|j, _| if start == 0 { self.arm().link_friction[j].lag_at_start } else { 0.0 });
-                let resting = if gripped {
-                    self.held(&motor.angle[start], &lag)
-                } else {
-                    LinkState::new(self.settled(&motor.angle[start], &Vector3::zeros()), Vector3::zeros())
-                };
+                let resting = self.resting(&motor.angle[start], start == 0, gripped);
                 self.follow(resting, motor, motor.time_s[start], time_s)
             })?;
             now = Some((time_s, state));

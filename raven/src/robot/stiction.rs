@@ -83,13 +83,16 @@ pub fn stirred_s(arm: &Arm, motor: &MotorTrack, times: f64) -> [Option<f64>; 3] 
     })
 }
 
+/// How far a joint lags behind the middle of its play as the motion begins.
+type Start = fn(&Arm, &Held, usize) -> f64;
+
 /// Joints that lag behind their motors, step by step.
 pub(super) struct Behind<'a> {
     arm: &'a Arm,
     /// Part of a joint's friction that makes its play.
     part: Box<dyn Fn(usize) -> f64 + 'a>,
-    /// How far a joint with half a play lags behind its middle when the motion begins.
-    start: Box<dyn Fn(f64, usize) -> f64 + 'a>,
+    /// At first.
+    start: Start,
     /// What becomes of that, with half a play, while the cable is wound; and how much of the joint's friction that takes [-1 to 1].
     follow: Box<dyn Fn(f64, f64, usize, Wound) -> [f64; 2] + 'a>,
     /// Time between two looks at the load [s].
@@ -109,19 +112,19 @@ impl<'a> Behind<'a> {
         arm: &'a Arm,
         load_s: f64,
         part: impl Fn(usize) -> f64 + 'a,
-        start: impl Fn(f64, usize) -> f64 + 'a,
+        start: Start,
         follow: impl Fn(f64, f64, usize, Wound) -> [f64; 2] + 'a,
     ) -> Self {
         let [behind_rigid, drag, rigid] = [Vector3::zeros(); 3];
         let [last_s, weighed_s] = [f64::NEG_INFINITY; 2];
-        let (part, start, follow) = (Box::new(part), Box::new(start), Box::new(follow));
+        let (part, follow) = (Box::new(part), Box::new(follow));
         Self { arm, part, start, follow, load_s, held: Held::default(), behind_rigid, drag, rigid, last_s, weighed_s }
     }
 
     /// Behind the friction that holds alone.
     fn play(arm: &'a Arm) -> Self {
         let held = |j: usize| arm.link_friction[j].held_part;
-        let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * half;
+        let start: Start = |arm, at, j| arm.link_friction[j].lag_at_start * at.half[j];
         let follow = |lag: f64, half: f64, _, wound: Wound| {
             let lag = (lag + wound.by).clamp(-half, half);
             [lag, part_of(lag, half)]
@@ -150,7 +153,10 @@ impl<'a> Behind<'a> {
             let holding = held.clamp(-most, most);
             [holding + (held - holding) * kept, drag]
         };
-        let start = |half: f64, j: usize| arm.link_friction[j].lag_at_start * arm.link_friction[j].held_part * half;
+        let start: Start = |arm, at, j| {
+            let friction = &arm.link_friction[j];
+            friction.lag_at_start * friction.held_part * at.half[j] - arm.cables[j].fresh_part * at.sag[j]
+        };
         Self::new(arm, LOAD_AT_REST_S, |_| 1.0, start, follow)
     }
 
@@ -162,14 +168,14 @@ impl<'a> Behind<'a> {
             self.held = Held::at(self.arm, &rigid, &self.part);
         }
         let Held { middle, half, .. } = self.held;
-        if time_s - self.last_s > PAUSE_MAX_S {
-            let begins = self.last_s == f64::NEG_INFINITY;
-            self.behind_rigid = middle + Vector3::from_fn(|j, _| if begins { (self.start)(half[j], j) } else { 0.0 });
-            self.rigid = rigid;
-        }
+        let (begins, in_s) = (self.last_s == f64::NEG_INFINITY, time_s - self.last_s);
         for j in 0..3 {
-            let wound = Wound { by: rigid[j] - self.rigid[j], in_s: time_s - self.last_s };
-            let [lag, drag] = (self.follow)(self.behind_rigid[j] - middle[j], half[j], j, wound);
+            let [lag, drag] = if in_s > PAUSE_MAX_S {
+                let lag = if begins { (self.start)(self.arm, &self.held, j) } else { 0.0 };
+                [lag, part_of(lag, half[j])]
+            } else {
+                (self.follow)(self.behind_rigid[j] - middle[j], half[j], j, Wound { by: rigid[j] - self.rigid[j], in_s })
+            };
             (self.behind_rigid[j], self.drag[j]) = (middle[j] + lag, drag);
         }
         (self.rigid, self.last_s) = (rigid, time_s);
@@ -340,6 +346,32 @@ mod tests {
         undamped.cables[1].damping = 0.0;
         // Inertia remains, by a third of a degree per rad/s^2 on such a cable.
         assert!(miss(&arm, &arm) < 0.5 * miss(&arm, &undamped), "{} of {}", miss(&arm, &arm), miss(&arm, &undamped));
+    }
+
+    #[test]
+    fn a_cable_found_unsettled_stretches_on_as_its_damper_lets_it() {
+        let mut arm = nominal::gold().arm().unwrap();
+        arm.cables[2].stiffness *= 0.03;
+        arm.cables[2].fresh_part = 0.6;
+        // Too little friction to hold anything, for a grip that is there.
+        arm.link_friction[2].coulomb = 1e-3;
+        let time_s: Vec<f64> = (0..500).map(|k| f64::from(k) * 1e-2).collect();
+        let wanted = Vector3::new(0.8, 1.5, 0.35);
+        let motor = MotorTrack { angle: vec![arm.transmission.motor_from_joint(&wanted); time_s.len()], time_s };
+        let times: Vec<f64> = (0..49).map(|k| f64::from(k) * 0.1).collect();
+        let sag = 0.35 - LinkModel::new(arm.clone()).settled(&motor.angle[0], &Vector3::zeros())[2];
+        let settles_s = arm.cables[2].damping / arm.cables[2].stiffness;
+        assert!(sag.abs() > 2e-3 && settles_s > 1.0, "{sag} {settles_s}");
+        for held_part in [0.0, 1.0] {
+            arm.link_friction[2].held_part = held_part;
+            let links = LinkModel::new(arm.clone());
+            let rolled = links.rollout_gripped(&motor, &times).into_iter().map(|state| state.unwrap().position[2]);
+            let behind = behind_friction(&arm, &motor).motors;
+            let settled = times.iter().map(|&t| links.settled(&behind.at(t).unwrap().0, &Vector3::zeros())[2]);
+            for (found, t) in rolled.zip(&times).chain(settled.zip(&times)) {
+                approx::assert_abs_diff_eq!(found, 0.35 - sag * (1.0 - 0.6 * (-t / settles_s).exp()), epsilon = 0.02 * sag.abs());
+            }
+        }
     }
 
     fn joints_behind_play(arm: &Arm, wanted: &[Vector3<f64>]) -> Vec<Vector3<f64>> {

@@ -142,7 +142,8 @@ fn joint_yaml(joint: &Joint) -> String {
         let _ = write!(text, "\n    limits: {}", list(&limits));
     }
     if let Some(c) = joint.cable {
-        let more = [("exponent_length", c.exponent_length, 1.0), ("slack", c.slack, 0.0)].map(departure).concat();
+        let more = [("exponent_length", c.exponent_length, 1.0), ("slack", c.slack, 0.0), ("fresh_part", c.fresh_part, 0.0)];
+        let more = more.map(departure).concat();
         let _ = write!(text, "\n    cable: {{stiffness: {}, damping: {}{more}}}", yaml_float(c.stiffness), yaml_float(c.damping));
     }
     if let Some(m) = joint.motor {

@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "no force over a width w of stretch",
     parameters: &[Parameter { name: "width", unit: "joint", scale: Scale::Magnitude(Size::per_kind(0.015, 0.0015)), tolerance: None }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "hysteresis", exact: false }, Tie { id: "cable-stiffening", exact: false }],
+    ties: &[Tie::near("hysteresis"), Tie::near("cable-stiffening")],
     separated_by: "slow motion through poses in which the load changes sides",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

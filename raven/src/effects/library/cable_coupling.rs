@@ -22,7 +22,7 @@ pub const EFFECT: Effect = Effect {
         }),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "camera-rotation", exact: false }],
+    ties: &[Tie::near("camera-rotation")],
     separated_by: "one joint moved at a time",
     act: |model, place, values| {
         let name = |j: usize| model.robot.joints[j].name.clone();

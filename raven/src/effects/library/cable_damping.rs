@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "b_e times a factor",
     parameters: &[Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.1), tolerance: Some(|robot, _| robot.tolerances.damping) }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "time-offset", exact: false }, Tie { id: "link-viscous-friction", exact: false }],
+    ties: &[Tie::near("time-offset"), Tie::near("link-viscous-friction")],
     separated_by: "motion above three hertz, seen by a fast camera or joint encoders",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

@@ -20,7 +20,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "travel_before", unit: "m", scale: Scale::State(0.1), tolerance: None },
     ],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "creep", exact: false }, Tie { id: "missed-counts", exact: false }],
+    ties: &[Tie::near("creep"), Tie::near("missed-counts")],
     separated_by: "many cycles under load, against the same time without motion",
     act: |model, place, values| {
         let (j, limit_n, fraction, travel_before_m) = (place.first, values[0], values[1], values[2]);

@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "gamma = 2 k_e x0 sinh(x / x0)",
     parameters: &[Parameter { name: "length", unit: "cable stretch", scale: Scale::Shape { middle: 0.5, size: 1.0 }, tolerance: None }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "backlash", exact: false }],
+    ties: &[Tie::near("backlash")],
     separated_by: "loads from none to full in one pose",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

@@ -9,19 +9,19 @@ pub const EFFECT: Effect = Effect {
     scope: Scope::Joint,
     stage: Stage::Transmission,
     summary: "k_e times a factor",
-    parameters: &[Parameter {
-        name: "factor",
-        unit: "1",
-        scale: Scale::Factor(1.4),
-        tolerance: Some(|robot, _| robot.tolerances.stiffness),
-    }],
+    parameters: &[
+        Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.4), tolerance: Some(|robot, _| robot.tolerances.stiffness) },
+        // A soft cable takes seconds to settle: 1 where it was without load until the recording began.
+        Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
+    ],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "payload", exact: false }, Tie { id: "link-coulomb-friction", exact: false }],
+    ties: &[Tie::near("payload"), Tie::near("link-coulomb-friction")],
     separated_by: "the same pose with and without a load; gravity that changes sides",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];
         if let Some(cable) = &mut joint.cable {
             cable.stiffness *= values[0];
+            cable.fresh_part = values[1];
         }
     },
 };

@@ -30,7 +30,7 @@ pub const EFFECT: Effect = Effect {
         },
     ],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "joint-offset", exact: false }, Tie { id: "cable-coupling", exact: false }],
+    ties: &[Tie::near("joint-offset"), Tie::near("cable-coupling")],
     separated_by: "poses spread in all three dimensions; one rigid motion fits all tips",
     act: |model, _, values| {
         model.view.translation_m += Vector3::from_column_slice(values);

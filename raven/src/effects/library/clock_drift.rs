@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.clock_drift),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "creep", exact: false }],
+    ties: &[Tie::near("creep")],
     separated_by: "bursts of motion at the start and at the end",
     act: |model, _, values| {
         model.view.drift += values[0];

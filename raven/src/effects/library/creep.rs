@@ -17,7 +17,12 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "cable-slip", exact: false }, Tie { id: "missed-counts", exact: false }],
+    ties: &[
+        Tie::near("cable-slip"),
+        Tie::near("missed-counts"),
+        // What creeps within seconds is a soft spring beside the cable's damper.
+        Tie::near("cable-stretch").with(|values| vec![1.0 / (1.0 + values[0]), values[2]]),
+    ],
     separated_by: "a pose held for a minute after a change of load, and again",
     act: |model, place, values| {
         let (j, ratio, time_s, fresh) = (place.first, values[0], values[1], values[2]);

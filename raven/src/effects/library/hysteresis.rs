@@ -18,7 +18,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "backlash", exact: false }, Tie { id: "link-coulomb-friction", exact: false }],
+    ties: &[Tie::near("backlash"), Tie::near("link-coulomb-friction")],
     separated_by: "reversals at many amplitudes, loaded and unloaded",
     act: |model, place, values| {
         // On a bench, whose joints are not rolled out, a sharp play is what friction makes of a cable's stretch.

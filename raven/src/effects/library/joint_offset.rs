@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, place| robot.joints.get(place.first).map_or(0.0, |joint| robot.tolerances.hard_stop_of(joint.kind))),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "camera-rotation", exact: false }, Tie { id: "tool-length", exact: false }],
+    ties: &[Tie::near("camera-rotation"), Tie::near("tool-length")],
     separated_by: "poses far apart in all joints; the hard stop approached anew several times",
     act: |model, place, values| {
         model.robot.joints[place.first].hard_stop += values[0];

@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "k1 + d in both lenses",
     parameters: &[Parameter { name: "k1", unit: "1", scale: Scale::Offset(Size::of(0.05)), tolerance: None }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "pulley-eccentricity", exact: false }],
+    ties: &[Tie::near("pulley-eccentricity")],
     separated_by: "the same joint motion at the middle and at the edge of the image",
     act: |model, _, values| {
         model.view.k1 += values[0];

@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.link_angle_rad),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "camera-rotation", exact: false }, Tie { id: "joint-offset", exact: false }],
+    ties: &[Tie::near("camera-rotation"), Tie::near("joint-offset")],
     separated_by: "poses over the whole workspace",
     act: |model, place, values| {
         if let KinematicsKind::Raven(kinematics) = &mut model.robot.kinematics {

@@ -22,7 +22,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.6), tolerance: Some(|_, _| 0.6) },
     ],
     channels: &[Channel::Tip, Channel::Torque],
-    ties: &[Tie { id: "motor-coulomb-friction", exact: false }, Tie { id: "hysteresis", exact: false }],
+    ties: &[Tie::near("motor-coulomb-friction"), Tie::near("hysteresis")],
     separated_by: "the same reversals at two cable tensions; without a tip it cannot be told from the motor's friction",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

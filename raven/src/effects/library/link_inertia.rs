@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.link_inertia),
     }],
     channels: &[Channel::Torque],
-    ties: &[Tie { id: "motor-inertia", exact: false }],
+    ties: &[Tie::near("motor-inertia")],
     separated_by: "the same path at two speeds",
     act: |model, place, values| {
         let bench = matches!(model.robot.kinematics, KinematicsKind::Bench);

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.link_friction),
     }],
     channels: &[Channel::Tip, Channel::Torque],
-    ties: &[Tie { id: "motor-viscous-friction", exact: false }, Tie { id: "time-offset", exact: false }],
+    ties: &[Tie::near("motor-viscous-friction"), Tie::near("time-offset")],
     separated_by: "several speeds in both directions",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

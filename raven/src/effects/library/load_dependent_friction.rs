@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "mu times the force of the cable at the joint, against the motion",
     parameters: &[Parameter { name: "coefficient", unit: "1", scale: Scale::Magnitude(Size::of(0.2)), tolerance: None }],
     channels: &[Channel::Tip, Channel::Torque],
-    ties: &[Tie { id: "link-coulomb-friction", exact: false }],
+    ties: &[Tie::near("link-coulomb-friction")],
     separated_by: "the same motion under two payloads",
     act: |model, place, values| {
         model.link_friction_mut(place.first).per_load += values[0];

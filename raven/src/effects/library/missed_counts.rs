@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "at", unit: "1", scale: Scale::Moment, tolerance: None },
     ],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "creep", exact: false }, Tie { id: "joint-offset", exact: false }],
+    ties: &[Tie::near("creep"), Tie::near("joint-offset")],
     separated_by: "the hard stop approached again after the recording",
     act: |model, place, values| {
         let (j, at) = (place.first, values[1]);

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.motor_friction),
     }],
     channels: &[Channel::Torque],
-    ties: &[Tie { id: "link-coulomb-friction", exact: false }, Tie { id: "torque-constant", exact: false }],
+    ties: &[Tie::near("link-coulomb-friction"), Tie::near("torque-constant")],
     separated_by: "constant speeds in both directions",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.motor_inertia),
     }],
     channels: &[Channel::Torque],
-    ties: &[Tie { id: "link-inertia", exact: false }],
+    ties: &[Tie::near("link-inertia")],
     separated_by: "the same path at two speeds",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

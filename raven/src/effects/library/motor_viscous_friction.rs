@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.motor_friction),
     }],
     channels: &[Channel::Torque],
-    ties: &[Tie { id: "link-viscous-friction", exact: false }],
+    ties: &[Tie::near("link-viscous-friction")],
     separated_by: "several speeds in both directions",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];

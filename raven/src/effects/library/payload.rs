@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "m at the tracked point",
     parameters: &[Parameter { name: "mass", unit: "kg", scale: Scale::Magnitude(Size::of(0.2)), tolerance: None }],
     channels: &[Channel::Tip, Channel::Torque],
-    ties: &[Tie { id: "cable-stretch", exact: false }],
+    ties: &[Tie::near("cable-stretch")],
     separated_by: "poses with the load on either side, and with a known mass",
     act: |model, _, values| {
         model.robot.payload += values[0];

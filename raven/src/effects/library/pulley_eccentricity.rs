@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "cosine", unit: "capstan length", scale: Scale::Offset(Size::of(3e-4)), tolerance: None },
     ],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "lens-distortion", exact: false }],
+    ties: &[Tie::near("lens-distortion")],
     separated_by: "a slow sweep over at least three turns of the capstan",
     act: |model, place, values| {
         let (j, sine_m, cosine_m) = (place.first, values[0], values[1]);

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.radius),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "stereo-scale", exact: false }],
+    ties: &[Tie::near("stereo-scale")],
     separated_by: "a slow sweep over the joint's whole range; other joints fix the camera's scale",
     act: |model, place, values| {
         model.robot.joints[place.first].link_pulley_radius *= 1.0 + values[0];

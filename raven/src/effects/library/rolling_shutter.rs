@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "late by row, d from the first to the last",
     parameters: &[Parameter { name: "readout", unit: "s", scale: Scale::Magnitude(Size::of(0.03)), tolerance: None }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "time-offset", exact: false }],
+    ties: &[Tie::near("time-offset")],
     separated_by: "the same motion at the top and at the bottom of the image",
     act: |model, _, values| {
         model.view.readout_s += values[0];

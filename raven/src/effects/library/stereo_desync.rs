@@ -10,7 +10,7 @@ pub const EFFECT: Effect = Effect {
     summary: "the right image shows the past by d more",
     parameters: &[Parameter { name: "delay", unit: "s", scale: Scale::Offset(Size::of(0.01)), tolerance: None }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "time-offset", exact: false }],
+    ties: &[Tie::near("time-offset")],
     separated_by: "motion along the rows of the image, at which depth must not move",
     act: |model, _, values| {
         model.view.right_minus_left_s += values[0];

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.stereo_scale),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "pulley-radius", exact: false }],
+    ties: &[Tie::near("pulley-radius")],
     separated_by: "an object of known length at two depths",
     act: |model, _, values| {
         model.view.baseline += values[0];

@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "speed", unit: "motor speed", scale: Scale::Shape { middle: 5.0, size: 0.5 }, tolerance: None },
     ],
     channels: &[Channel::Torque],
-    ties: &[Tie { id: "motor-coulomb-friction", exact: false }],
+    ties: &[Tie::near("motor-coulomb-friction")],
     separated_by: "ramps at a tenth of a degree per second",
     act: |model, place, values| {
         model.drives[place.first].stribeck = [values[0], values[1]];

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.latency_s),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "link-viscous-friction", exact: false }, Tie { id: "cable-damping", exact: false }],
+    ties: &[Tie::near("link-viscous-friction"), Tie::near("cable-damping")],
     separated_by: "reversals at speed",
     act: |model, _, values| {
         model.view.latency_s += values[0];

@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.tool_length_m),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie { id: "joint-offset", exact: true }],
+    ties: &[Tie::exact("joint-offset")],
     separated_by: "nothing that motors and cameras record: measure the tool",
     act: |model, _, values| {
         if let KinematicsKind::Raven(kinematics) = &mut model.robot.kinematics {

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.torque_gain),
     }],
     channels: &[Channel::Torque],
-    ties: &[Tie { id: "motor-coulomb-friction", exact: false }, Tie { id: "payload", exact: false }],
+    ties: &[Tie::near("motor-coulomb-friction"), Tie::near("payload")],
     separated_by: "a known payload",
     act: |model, place, values| {
         model.drives[place.first].torque_gain *= values[0];

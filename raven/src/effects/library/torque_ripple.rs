@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "per_turn", unit: "1", scale: Scale::Whole { most: 24 }, tolerance: None },
     ],
     channels: &[Channel::Torque],
-    ties: &[Tie { id: "pulley-eccentricity", exact: false }],
+    ties: &[Tie::near("pulley-eccentricity")],
     separated_by: "a slow turn of the motor",
     act: |model, place, values| {
         model.drives[place.first].ripple = [values[0], values[1]];
