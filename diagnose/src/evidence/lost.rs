@@ -10,7 +10,7 @@
 //! fitted from the values that do about the same: from far away a soft cable's slopes lead anywhere, but creep that is over within seconds is one.
 
 use raven::Result;
-use raven::effects::{Scale, Sited};
+use raven::effects::{Effect, Scale, Sited};
 use rayon::prelude::*;
 
 use super::coordinates::Coordinates;
@@ -61,13 +61,11 @@ impl Fitter<'_> {
     /// `best`, fitted on by slopes of rolled-out links if it has a cable so soft that its joint follows slowly: those of settled links lead it
     /// astray by tens of nats, which another effect then makes good.
     pub(super) fn followed_closely(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
-        let Coordinates { sited, kinds, .. } = self.coordinates;
-        let is_soft = |effect: usize, c: usize| {
-            let value = self.coordinates.parameter(c).value(best.u[c], kinds[effect]);
-            matches!(self.scale(c), Scale::Factor(_)) && value < SOFT
+        let is_soft = |&effect: &usize| {
+            let Sited { effect: Effect { id, parameters, .. }, .. } = self.coordinates.sited[effect];
+            *id == "cable-stretch" && matches!(parameters[0].scale, Scale::Factor(_)) && self.values(effect, &best.u)[0] < SOFT
         };
-        let mut stretches = best.effects.iter().copied().filter(|&effect| sited[effect].effect.id == "cable-stretch");
-        if !stretches.any(|effect| self.coordinates.of(effect).any(|c| is_soft(effect, c))) {
+        if !best.effects.iter().any(is_soft) {
             return Ok(best);
         }
         let closely = self.fit_with(&best.effects, &best.u, None, Following::RolledOut)?;
@@ -76,14 +74,19 @@ impl Fitter<'_> {
         Ok(closely)
     }
 
+    /// Values of an effect's numbers.
+    fn values(&self, effect: usize, u: &[f64]) -> Vec<f64> {
+        let own: Vec<f64> = self.coordinates.of(effect).map(|c| u[c]).collect();
+        self.coordinates.sited[effect].values(&own)
+    }
+
     /// Fits what an effect of the best hypothesis may stand in for, with the values that do about the same; as [`Self::closely`].
     fn stood_in(&self, outcome: &mut Outcome) -> Result<bool> {
         let Coordinates { sited, kinds, .. } = self.coordinates;
         let best = outcome.best.clone();
         let mut others = Vec::new();
         for &found in &best.effects {
-            let values: Vec<f64> =
-                self.coordinates.of(found).map(|c| self.coordinates.parameter(c).value(best.u[c], kinds[found])).collect();
+            let values = self.values(found, &best.u);
             for tie in sited[found].effect.ties {
                 let Some(alike) = tie.values else { continue };
                 let is_tied = |other: &Sited| other.effect.id == tie.id && other.place == sited[found].place;

@@ -162,17 +162,14 @@ fn a_soft_cable_is_found_where_creep_stands_in_for_it() {
     let robot = nominal::gold();
     let all = Sited::all(&robot);
     let sited = places.map(|(id, [joint, _])| *all.iter().find(|s| s.effect.id == id && s.place.first == joint).unwrap());
-    let values = |n: usize, u: &[f64]| -> Vec<f64> {
-        sited[n].effect.parameters.iter().zip(u).map(|(parameter, &u)| parameter.value(u, sited[n].measure)).collect()
-    };
     let rows = Seen::new(&places, |numbers: &[Option<&[f64]>], links| {
         let still_to_come = |t: f64, settles_s: f64| (-t / settles_s).exp();
         let stretched = |t: f64, factor: f64, fresh: f64| (1.0 - fresh * still_to_come(t, 0.05 / factor)) / factor;
-        let cable = |t: f64| match numbers[0].filter(|_| links == Links::RolledOut).map(|u| values(0, u)) {
+        let cable = |t: f64| match numbers[0].filter(|_| links == Links::RolledOut).map(|u| sited[0].values(u)) {
             Some(values) => stretched(t, values[0], values[1]),
             None => 1.0,
         };
-        let creep = |t: f64| numbers[1].map(|u| values(1, u)).map_or(0.0, |v| v[0] * (1.0 - v[2] * still_to_come(t, v[1])));
+        let creep = |t: f64| numbers[1].map(|u| sited[1].values(u)).map_or(0.0, |v| v[0] * (1.0 - v[2] * still_to_come(t, v[1])));
         (0..ROWS).map(|k| 0.05 * k as f64).map(|t| SEEN * (stretched(t, 1.0 / 38.0, 0.33) - cable(t) - creep(t))).collect()
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);

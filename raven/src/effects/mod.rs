@@ -211,6 +211,12 @@ impl Sited {
         Self { measure: Measure::of_arm(robot, sited.joint_measured(), sited.joint_type(robot)), ..sited }
     }
 
+    /// Values of its numbers at `u` of each (see [`Parameter`]), in the units of its parameters.
+    #[must_use]
+    pub fn values(&self, u: &[f64]) -> Vec<f64> {
+        self.effect.parameters.iter().zip(u).map(|(parameter, &u)| parameter.value(u, self.measure)).collect()
+    }
+
     /// The joint whose sizes it has; the first for the whole.
     #[must_use]
     pub fn joint_measured(&self) -> usize {

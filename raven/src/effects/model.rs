@@ -88,8 +88,7 @@ impl Model {
     /// Builds an effect in, at `u` of each of its parameters (see [`super::Parameter`]).
     #[must_use]
     pub fn with(self, sited: &Sited, u: &[f64]) -> Self {
-        let values: Vec<f64> = sited.effect.parameters.iter().zip(u).map(|(parameter, &u)| parameter.value(u, sited.measure)).collect();
-        self.with_values(sited, &values)
+        self.with_values(sited, &sited.values(u))
     }
 
     /// Builds an effect in, with values in the units of its parameters.
