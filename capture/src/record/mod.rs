@@ -6,6 +6,7 @@ pub mod live;
 pub mod pace;
 mod recording;
 pub mod source;
+mod stop;
 pub mod summary;
 pub mod topic;
 pub mod writer;
@@ -25,6 +26,7 @@ pub use self::args::Args;
 use self::args::{cameras, wanted, with_extension};
 use self::live::{Live, Shown};
 use self::source::{Counters, Feed};
+use self::stop::Stop;
 use self::summary::{Summary, TopicSummary};
 use self::topic::{Shared, TopicSource};
 use self::writer::{Plan, Writer};
@@ -54,7 +56,7 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
     let clock = SessionClock::start();
     let (feed, queue) = Feed::new();
     let (notices, notes) = mpsc::channel();
-    let (stop, rolling) = (stop_on_signals()?, Arc::new(AtomicBool::new(false)));
+    let (stop, rolling) = (Stop::on_signals()?, Arc::new(AtomicBool::new(false)));
 
     // Cameras first, all at once: they take seconds to settle. Without one of them, or without a master, there must be no file.
     let sink = |side| {
@@ -100,7 +102,7 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
     let mut live = Live::start();
     // A duration beyond the end of time is one without an end.
     let until = args.duration.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()).and_then(|d| Instant::now().checked_add(d));
-    while !stop.load(Ordering::Relaxed) && !writer.progress().ended() && until.is_none_or(|until| Instant::now() < until) {
+    while !stop.asked() && !writer.progress().ended() && until.is_none_or(|until| Instant::now() < until) {
         live.show(&shown, writer.progress());
         let left = until.map_or(GLANCE, |until| until.saturating_duration_since(Instant::now()).min(GLANCE));
         if let Ok(sentence) = notes.recv_timeout(left) {
@@ -138,18 +140,4 @@ fn session(args: &Args, wanted: &[(String, TopicAddress)], clock: SessionClock) 
         session.insert(format!("source {name}"), format!("ros://{}{topic}", master.authority()));
     }
     session
-}
-
-/// A flag that Ctrl-C, a hang-up or a request to terminate raises; the second one ends the program at once.
-fn stop_on_signals() -> Result<Arc<AtomicBool>> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    use signal_hook::flag;
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        // In this order the first signal finds the flag down.
-        flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop))
-            .and_then(|_| flag::register(signal, Arc::clone(&stop)))
-            .map_err(|e| Error::Data(format!("Ctrl-C cannot be caught: {e}.")))?;
-    }
-    Ok(stop)
 }
