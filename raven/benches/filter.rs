@@ -8,7 +8,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Const, Matrix3, SMatrix, SVector, Vector3};
 use raven::filter::{PaperStates, SquareRootUkf, StateEquation};
 use raven::robot::{LinkModel, nominal};
 
@@ -26,7 +26,7 @@ fn main() {
     let tip = kinematics.forward(&equation.joints(&mean));
     let noise = equation.noise_factor(STEP_S, &rate.map(|r: f64| r.abs() * STEP_S));
     let seen = Matrix3::identity() * 1e-3;
-    let mut filter = SquareRootUkf::<6, 3>::new(mean, factor);
+    let mut filter = SquareRootUkf::<Const<6>, 3>::new(mean, factor);
 
     let (mut rollouts, mut filters) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
@@ -69,7 +69,7 @@ fn uncoupled_us() -> f64 {
     let factor = SMatrix::from_diagonal(&SVector::<f64, 6>::from([2e-3, 2e-3, 5e-4, 0.02, 0.02, 5e-3]));
     let noise = SMatrix::from_diagonal(&SVector::<f64, 6>::from([1e-5, 1e-5, 3e-6, 1e-3, 1e-3, 1e-4]));
     let seen = Matrix3::from_diagonal(&Vector3::new(1e-2, 1e-2, 1e-3));
-    let mut filter = SquareRootUkf::<6, 3>::new(mean, factor);
+    let mut filter = SquareRootUkf::<Const<6>, 3>::new(mean, factor);
     let mut times: Vec<f64> = (0..ROUNDS)
         .map(|_| {
             let started = Instant::now();

@@ -15,7 +15,7 @@
 //!
 //! Source: Haghighipanah et al. 2017, section II-D; Wan, van der Merwe 2001 (the dual form).
 
-use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Const, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, Vector3};
 use raven::Result;
 use raven::filter::{KNOT_S, SquareRootUkf, StateEquation};
 use rayon::prelude::*;
@@ -24,7 +24,7 @@ use super::links::{Links, States};
 use super::posterior::Posterior;
 use super::scatter::Scatter;
 use super::trace::Trace;
-use super::{FORGOTTEN_S, Run, gate, root, unbounded};
+use super::{FORGOTTEN_S, Run, gate, root};
 use crate::motion::Motion;
 use crate::problem::Problem;
 use crate::session::{Session, Sighting};
@@ -45,8 +45,8 @@ const STEP_S: f64 = 1e-3;
 const WIDE_SPREAD: f64 = 0.5;
 
 /// Runs the dual filter over all sessions, the parameters carried from one to the next.
-pub fn run<const P: usize>(problem: &Problem, horizon: Horizon) -> Result<Run> {
-    let first = Dual::<P>::over(problem, horizon, Scatter::new(), None)?;
+pub fn run(problem: &Problem, horizon: Horizon) -> Result<Run> {
+    let first = Dual::over(problem, horizon, Scatter::new(), None)?;
     let wide = problem.unknowns().iter().any(|unknown| unknown.quantity.is_positive() && unknown.spread > WIDE_SPREAD);
     if !wide || horizon == Horizon::Step {
         return Ok(first.done());
@@ -57,17 +57,17 @@ pub fn run<const P: usize>(problem: &Problem, horizon: Horizon) -> Result<Run> {
 }
 
 /// Mean and lower-triangular covariance factor of the parameters.
-struct Belief<const P: usize> {
-    mean: SVector<f64, P>,
-    factor: SMatrix<f64, P, P>,
+struct Belief {
+    mean: DVector<f64>,
+    factor: DMatrix<f64>,
 }
 
-struct Dual<'a, const P: usize> {
+struct Dual<'a> {
     problem: &'a Problem<'a>,
     horizon: Horizon,
-    parameters: SquareRootUkf<P, 3>,
+    parameters: SquareRootUkf<Dyn, 3>,
     /// Where slopes are taken and the links are moved, if not at the belief of the moment.
-    about: Option<Belief<P>>,
+    about: Option<Belief>,
     scatter: Scatter,
     trace: Trace,
 }
@@ -75,9 +75,10 @@ struct Dual<'a, const P: usize> {
 /// Where the parameters' prediction starts: image and links there.
 type Start = Option<(f64, States)>;
 
-impl<'a, const P: usize> Dual<'a, P> {
-    fn over(problem: &'a Problem<'a>, horizon: Horizon, scatter: Scatter, about: Option<Belief<P>>) -> Result<Self> {
-        let parameters = SquareRootUkf::new(SVector::zeros(), SMatrix::identity());
+impl<'a> Dual<'a> {
+    fn over(problem: &'a Problem<'a>, horizon: Horizon, scatter: Scatter, about: Option<Belief>) -> Result<Self> {
+        let n = problem.unknowns().len();
+        let parameters = SquareRootUkf::new(DVector::zeros(n), DMatrix::identity(n, n));
         let mut dual = Self { problem, horizon, parameters, about, scatter, trace: Trace::default() };
         for (number, session) in problem.sessions().iter().enumerate() {
             dual.session(number, session)?;
@@ -87,19 +88,19 @@ impl<'a, const P: usize> Dual<'a, P> {
     }
 
     fn done(self) -> Run {
-        let covariance = DMatrix::from_column_slice(P, P, self.parameters.covariance().as_slice());
-        Run { posterior: Posterior::new(unbounded(self.parameters.mean.as_slice()), covariance), scatter: self.scatter, trace: self.trace }
+        let covariance = self.parameters.covariance();
+        Run { posterior: Posterior::new(self.parameters.mean, covariance), scatter: self.scatter, trace: self.trace }
     }
 
     /// The parameters at which the links are moved.
-    fn believed(&self) -> &SVector<f64, P> {
+    fn believed(&self) -> &DVector<f64> {
         self.about.as_ref().map_or(&self.parameters.mean, |about| &about.mean)
     }
 
     fn session(&mut self, number: usize, session: &Session) -> Result<()> {
         let motion = &self.problem.driving(session)?;
-        let mut links = Links::new(self.problem, self.believed().as_slice())?;
-        let mut states: Option<(f64, SquareRootUkf<6, 3>)> = None;
+        let mut links = Links::new(self.problem, self.believed())?;
+        let mut states: Option<(f64, SquareRootUkf<Const<6>, 3>)> = None;
         for sighting in &session.sightings {
             let now = sighting.time_s;
             let (filter, start) = match states.take().filter(|(last, _)| now - last <= FORGOTTEN_S) {
@@ -117,7 +118,7 @@ impl<'a, const P: usize> Dual<'a, P> {
             if self.correct_parameters(&links, motion, sighting, filter, start, number) {
                 links = self.correct_states(links, motion, sighting, filter)?;
             }
-            let deviations = (0..P).map(|k| self.parameters.factor.row(k).norm());
+            let deviations = self.parameters.factor.row_iter().map(|row| row.norm());
             self.trace.push(now, self.parameters.mean.as_slice(), deviations);
         }
         Ok(())
@@ -139,7 +140,7 @@ impl<'a, const P: usize> Dual<'a, P> {
         links: &Links,
         motion: &Motion,
         sighting: &Sighting,
-        states: &SquareRootUkf<6, 3>,
+        states: &SquareRootUkf<Const<6>, 3>,
         start: Start,
         session: usize,
     ) -> bool {
@@ -157,12 +158,12 @@ impl<'a, const P: usize> Dual<'a, P> {
             }
         };
         let of_robot = problem.unknowns_of_robot();
-        let show = |points: &[SVector<f64, P>], seen: &mut [Vector3<f64>]| {
-            let mean = Links::new(problem, points[0].as_slice()).map(|other| moved(&other));
+        let show = |points: &[DVector<f64>], seen: &mut [Vector3<f64>]| {
+            let mean = Links::new(problem, &points[0]).map(|other| moved(&other));
             points.par_iter().zip(seen).for_each(|(z, seen)| {
                 let turned_only = z.as_slice()[..of_robot] == points[0].as_slice()[..of_robot];
                 let shown = |other: Links, mean: &States| other.seen_m(&if turned_only { *mean } else { moved(&other) });
-                let shown = Links::new(problem, z.as_slice()).ok().zip(mean.as_ref().ok()).map(|(other, mean)| shown(other, mean));
+                let shown = Links::new(problem, z).ok().zip(mean.as_ref().ok()).map(|(other, mean)| shown(other, mean));
                 *seen = shown.unwrap_or_else(|| Vector3::repeat(f64::NAN));
             });
         };
@@ -171,7 +172,7 @@ impl<'a, const P: usize> Dual<'a, P> {
             Some(about) => {
                 let slope = Slope::new(about, show);
                 let Some(noise) = root(&(noise * noise.transpose() + slope.bend_m2)) else { return false };
-                self.parameters.update(&sighting.position_m, |z| slope.seen_m + slope.slope * (z - about.mean), &noise, gate())
+                self.parameters.update(&sighting.position_m, |z| slope.seen_m + &slope.slope * (z - &about.mean), &noise, gate())
             }
         };
         problem.bound(self.parameters.mean.as_mut_slice());
@@ -180,8 +181,8 @@ impl<'a, const P: usize> Dual<'a, P> {
     }
 
     /// The links' filter after the sighting, and the links at the new parameters.
-    fn correct_states(&self, links: Links, motion: &Motion, sighting: &Sighting, states: &mut SquareRootUkf<6, 3>) -> Result<Links> {
-        let renewed = Links::new(self.problem, self.believed().as_slice())?;
+    fn correct_states(&self, links: Links, motion: &Motion, sighting: &Sighting, states: &mut SquareRootUkf<Const<6>, 3>) -> Result<Links> {
+        let renewed = Links::new(self.problem, self.believed())?;
         if self.horizon == Horizon::Frame {
             states.mean += renewed.settled(motion, sighting.time_s) - links.settled(motion, sighting.time_s);
         }
@@ -194,32 +195,36 @@ impl<'a, const P: usize> Dual<'a, P> {
 }
 
 /// What is seen as a linear function of the parameters about a belief, by statistical linear regression.
-struct Slope<const P: usize> {
+struct Slope {
     /// At the belief's mean [m].
     seen_m: Vector3<f64>,
     /// 3xP [m].
-    slope: SMatrix<f64, 3, P>,
+    slope: Matrix3xX<f64>,
     /// Covariance of what is not linear over the belief [m^2].
     bend_m2: Matrix3<f64>,
 }
 
-impl<const P: usize> Slope<P> {
-    fn new(about: &Belief<P>, show: impl FnOnce(&[SVector<f64, P>], &mut [Vector3<f64>])) -> Self {
-        let spread = (P as f64).sqrt();
-        let mut points = vec![about.mean; 2 * P + 1];
-        for k in 0..P {
+impl Slope {
+    fn new(about: &Belief, show: impl FnOnce(&[DVector<f64>], &mut [Vector3<f64>])) -> Self {
+        let n = about.mean.len();
+        let spread = (n as f64).sqrt();
+        let mut points = vec![about.mean.clone(); 2 * n + 1];
+        for k in 0..n {
             points[1 + k] += about.factor.column(k) * spread;
-            points[1 + P + k] -= about.factor.column(k) * spread;
+            points[1 + n + k] -= about.factor.column(k) * spread;
         }
-        let mut seen = vec![Vector3::zeros(); 2 * P + 1];
+        let mut seen = vec![Vector3::zeros(); 2 * n + 1];
         show(&points, &mut seen);
-        let mean = seen[1..].iter().sum::<Vector3<f64>>() / (2 * P) as f64;
-        let along = SMatrix::<f64, 3, P>::from_fn(|row, k| (seen[1 + k][row] - seen[1 + P + k][row]) / (2.0 * spread));
+        let mean = seen[1..].iter().sum::<Vector3<f64>>() / (2 * n) as f64;
+        let along = Matrix3xX::from_fn(n, |row, k| (seen[1 + k][row] - seen[1 + n + k][row]) / (2.0 * spread));
         // The factor of a filter whose prior was 1 and which never gained noise has a positive diagonal.
-        let slope =
-            about.factor.transpose().solve_upper_triangular(&along.transpose()).map_or_else(SMatrix::zeros, |slope| slope.transpose());
-        let off = |i: usize| seen[i] - mean - slope * (points[i] - about.mean);
-        let bend_m2 = (1..=2 * P).map(|i| off(i) * off(i).transpose()).sum::<Matrix3<f64>>() / (2 * P) as f64;
+        let slope = about
+            .factor
+            .transpose()
+            .solve_upper_triangular(&along.transpose())
+            .map_or_else(|| Matrix3xX::zeros(n), |slope| slope.transpose());
+        let off = |i: usize| seen[i] - mean - &slope * (&points[i] - &about.mean);
+        let bend_m2 = (1..=2 * n).map(|i| off(i) * off(i).transpose()).sum::<Matrix3<f64>>() / (2 * n) as f64;
         Self { seen_m: mean, slope, bend_m2 }
     }
 }

@@ -3,7 +3,7 @@
 //! Every sigma point moves by its own parameters from image to image, so the correlation of links and parameters is carried along and
 //! nothing has to be assumed of the slope. It costs a motion of the links per state and parameter.
 
-use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Dyn, Vector3};
 use raven::Result;
 use raven::filter::{KNOT_S, SquareRootUkf, StateEquation};
 use rayon::prelude::*;
@@ -12,19 +12,20 @@ use super::links::{Links, States};
 use super::posterior::Posterior;
 use super::scatter::Scatter;
 use super::trace::Trace;
-use super::{FORGOTTEN_S, Run, gate, root, unbounded};
+use super::{FORGOTTEN_S, Run, gate, root};
 use crate::motion::Motion;
 use crate::problem::Problem;
 use crate::session::{Session, Sighting};
 
 /// Positions and velocities of the links, before the parameters in the state.
-pub const STATES: usize = 6;
+const STATES: usize = 6;
 
-/// Runs the joint filter over all sessions, the parameters carried from one to the next. `N` is `P` and [`STATES`].
-pub fn run<const P: usize, const N: usize>(problem: &Problem) -> Result<Run> {
-    let mut joint = Joint::<P, N> {
+/// Runs the joint filter over all sessions, the parameters carried from one to the next.
+pub fn run(problem: &Problem) -> Result<Run> {
+    let n = STATES + problem.unknowns().len();
+    let mut joint = Joint {
         problem,
-        filter: SquareRootUkf::new(SVector::zeros(), SMatrix::identity()),
+        filter: SquareRootUkf::new(DVector::zeros(n), DMatrix::identity(n, n)),
         scatter: Scatter::new(),
         trace: Trace::default(),
     };
@@ -32,19 +33,18 @@ pub fn run<const P: usize, const N: usize>(problem: &Problem) -> Result<Run> {
         joint.session(number, session)?;
         joint.trace.next_log();
     }
-    let Joint { filter, scatter, trace, .. } = joint;
-    let covariance = DMatrix::from_column_slice(N, N, filter.covariance().as_slice()).view((STATES, STATES), (P, P)).into_owned();
-    Ok(Run { posterior: Posterior::new(unbounded(&filter.mean.as_slice()[STATES..]), covariance), scatter, trace })
+    let covariance = joint.filter.covariance().view_range(STATES.., STATES..).into_owned();
+    Ok(Run { posterior: Posterior::new(parameters(&joint.filter.mean), covariance), scatter: joint.scatter, trace: joint.trace })
 }
 
-struct Joint<'a, const P: usize, const N: usize> {
+struct Joint<'a> {
     problem: &'a Problem<'a>,
-    filter: SquareRootUkf<N, 3>,
+    filter: SquareRootUkf<Dyn, 3>,
     scatter: Scatter,
     trace: Trace,
 }
 
-impl<const P: usize, const N: usize> Joint<'_, P, N> {
+impl Joint<'_> {
     fn session(&mut self, number: usize, session: &Session) -> Result<()> {
         let motion = &self.problem.driving(session)?;
         let mut last = None;
@@ -56,7 +56,7 @@ impl<const P: usize, const N: usize> Joint<'_, P, N> {
             }
             last = Some(now);
             self.correct(sighting, number)?;
-            let deviations = (STATES..N).map(|k| self.filter.factor.row(k).norm());
+            let deviations = self.filter.factor.row_iter().skip(STATES).map(|row| row.norm());
             self.trace.push(now, &self.filter.mean.as_slice()[STATES..], deviations);
         }
         Ok(())
@@ -64,43 +64,40 @@ impl<const P: usize, const N: usize> Joint<'_, P, N> {
 
     /// Links at rest where each point's parameters hold them, give or take what is not known of that; the parameters stay as they are.
     fn begin(&mut self, motion: &Motion, now: f64) -> Result<()> {
-        let about = Links::new(self.problem, &self.filter.mean.as_slice()[STATES..])?.at_rest(motion, now);
-        let parameters = DMatrix::from_column_slice(N, N, self.filter.factor.as_slice()).view((STATES, 0), (P, N)).into_owned();
+        let about = Links::new(self.problem, &parameters(&self.filter.mean))?.at_rest(motion, now);
         // The factor of the parameters alone: R' of the QR decomposition of their rows.
-        let parameters = parameters.transpose().qr().r();
-        let mut factor = SMatrix::<f64, N, N>::zeros();
-        factor.view_mut((0, 0), (STATES, STATES)).copy_from(&about.factor);
-        for row in 0..P {
-            for column in 0..=row {
-                factor[(STATES + row, STATES + column)] = parameters[(column, row)];
-            }
-        }
-        let mut mean = self.filter.mean;
+        let of_parameters = self.filter.factor.rows_range(STATES..).transpose().qr().r().transpose();
+        let n = self.filter.mean.len();
+        let mut factor = DMatrix::zeros(n, n);
+        factor.view_range_mut(..STATES, ..STATES).copy_from(&about.factor);
+        factor.view_range_mut(STATES.., STATES..).copy_from(&of_parameters);
+        let mut mean = self.filter.mean.clone();
         mean.fixed_rows_mut::<STATES>(0).fill(0.0);
         self.filter = SquareRootUkf::new(mean, factor);
-        self.advance(|links, about| links.settled(motion, now) + about, &SMatrix::zeros());
+        self.advance(|links, about| links.settled(motion, now) + about, &DMatrix::zeros(n, n));
         Ok(())
     }
 
     fn follow(&mut self, motion: &Motion, last: f64, now: f64) -> Result<()> {
-        let links = Links::new(self.problem, &self.filter.mean.as_slice()[STATES..])?;
-        let mut noise = SMatrix::<f64, N, N>::zeros();
+        let links = Links::new(self.problem, &parameters(&self.filter.mean))?;
+        let n = self.filter.mean.len();
+        let mut noise = DMatrix::zeros(n, n);
         // The cables take back what noise did earlier than that.
-        noise.view_mut((0, 0), (STATES, STATES)).copy_from(&links.equation().noise_factor(KNOT_S.min(now - last), &Vector3::zeros()));
+        noise.view_range_mut(..STATES, ..STATES).copy_from(&links.equation().noise_factor(KNOT_S.min(now - last), &Vector3::zeros()));
         self.advance(|links, states| links.follow(states, motion, last, now), &noise);
         Ok(())
     }
 
     /// Moves the links of every sigma point by its own parameters; points that differ in the registration only move alike.
-    fn advance(&mut self, along: impl Fn(&Links, &States) -> States + Sync, noise: &SMatrix<f64, N, N>) {
+    fn advance(&mut self, along: impl Fn(&Links, &States) -> States + Sync, noise: &DMatrix<f64>) {
         let (problem, of_robot) = (self.problem, STATES + self.problem.unknowns_of_robot());
-        let carry = |points: &mut [SVector<f64, N>]| {
+        let carry = |points: &mut [DVector<f64>]| {
             let Some((mean, others)) = points.split_first_mut() else { return };
-            let moved = |point: &SVector<f64, N>| {
-                let links = Links::new(problem, &point.as_slice()[STATES..]);
+            let moved = |point: &DVector<f64>| {
+                let links = Links::new(problem, &parameters(point));
                 links.map_or_else(|_| States::repeat(f64::NAN), |links| along(&links, &point.fixed_rows::<STATES>(0).into()))
             };
-            let (before, of_mean) = (*mean, moved(mean));
+            let (before, of_mean) = (mean.clone(), moved(mean));
             mean.fixed_rows_mut::<STATES>(0).copy_from(&of_mean);
             others.par_iter_mut().for_each(|point| {
                 let alike = point.as_slice()[..of_robot] == before.as_slice()[..of_robot];
@@ -112,12 +109,12 @@ impl<const P: usize, const N: usize> Joint<'_, P, N> {
     }
 
     fn correct(&mut self, sighting: &Sighting, session: usize) -> Result<()> {
-        let links = Links::new(self.problem, &self.filter.mean.as_slice()[STATES..])?;
+        let links = Links::new(self.problem, &parameters(&self.filter.mean))?;
         let seen_from_joints = links.seen_from_joints(&self.filter.mean.fixed_rows::<STATES>(0).into());
         let Some(noise) = root(&(sighting.covariance_m2 + self.scatter.covariance_m2(&seen_from_joints))) else { return Ok(()) };
         let problem = self.problem;
-        let show = |point: &SVector<f64, N>| {
-            let links = Links::new(problem, &point.as_slice()[STATES..]);
+        let show = |point: &DVector<f64>| {
+            let links = Links::new(problem, &parameters(point));
             links.map_or_else(|_| Vector3::repeat(f64::NAN), |links| links.seen_m(&point.fixed_rows::<STATES>(0).into()))
         };
         let innovation = self.filter.update(&sighting.position_m, show, &noise, gate());
@@ -125,4 +122,9 @@ impl<const P: usize, const N: usize> Joint<'_, P, N> {
         self.scatter.take_in(&innovation, seen_from_joints, session, sighting.time_s);
         Ok(())
     }
+}
+
+/// What follows the links' states in the state.
+fn parameters(state: &DVector<f64>) -> DVector<f64> {
+    state.rows_range(STATES..).into_owned()
 }

@@ -1,12 +1,11 @@
 //! The links of a robot at one set of parameters, moved by the recorded motors from image to image.
 
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Const, DVector, Matrix3, SVector, Vector3};
 use raven::Result;
 use raven::filter::{PaperStates, SquareRootUkf, StateEquation};
 use raven::observation::TipCorrection;
 use raven::robot::{LinkModel, LinkState};
 
-use super::unbounded;
 use crate::motion::Motion;
 use crate::problem::Problem;
 
@@ -24,8 +23,8 @@ impl Links {
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub fn new(problem: &Problem, z: &[f64]) -> Result<Self> {
-        let robot = problem.robot(&unbounded(z));
+    pub fn new(problem: &Problem, z: &DVector<f64>) -> Result<Self> {
+        let robot = problem.robot(z);
         let arm = robot.arm()?;
         Ok(Self { correction: TipCorrection::of(&robot, &arm)?, equation: PaperStates::new(LinkModel::new(arm)) })
     }
@@ -59,7 +58,7 @@ impl Links {
     }
 
     /// A filter of links at rest where the cables hold them.
-    pub fn at_rest(&self, motion: &Motion, stamp_s: f64) -> SquareRootUkf<6, 3> {
+    pub fn at_rest(&self, motion: &Motion, stamp_s: f64) -> SquareRootUkf<Const<6>, 3> {
         let (_, factor) = self.equation.initial(&motion.angle_rad(self.correction.shown_at_s(stamp_s)));
         SquareRootUkf::new(self.settled(motion, stamp_s), factor)
     }

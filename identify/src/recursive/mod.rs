@@ -12,7 +12,7 @@ mod posterior;
 mod scatter;
 mod trace;
 
-use nalgebra::{DVector, Matrix3};
+use nalgebra::Matrix3;
 use raven::stats::chi_square_quantile;
 use raven::{Error, Result};
 
@@ -36,16 +36,12 @@ pub enum Sharing {
 /// Pause between sightings [s] after which the links start anew where the cables hold them: long after they forgot where they were.
 const FORGOTTEN_S: f64 = 1.0;
 
-/// Most unknowns that a recursive estimation takes.
-const UNKNOWNS_MAX: usize = 25;
-
 /// Estimates recursively; also what was believed after every sighting. Unknowns of which `may_hold` is false are kept even if they are
 /// not identified, as in [`crate::batch::estimate`].
 ///
 /// # Errors
-/// If there are too many unknowns, or the model cannot be evaluated at the outcome.
+/// If the loop of a hysteresis is an unknown, or the model cannot be evaluated at the outcome.
 pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> Result<(Estimate, Trace)> {
-    let unknowns = problem.unknowns().len();
     if let Some(hysteresis) =
         problem.unknowns().iter().find(|unknown| matches!(unknown.quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_)))
     {
@@ -54,7 +50,10 @@ pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> R
             "--parameters names {name}, whose loop needs the whole log at once; take --method batch for it."
         )));
     }
-    let run = dispatch(problem, sharing, unknowns)?;
+    let run = match sharing {
+        Sharing::Dual(horizon) => dual::run(problem, horizon)?,
+        Sharing::Joint => joint::run(problem)?,
+    };
     let posterior = run.posterior.held_at_priors(may_hold);
     let tempering = run.scatter.tempering();
     problem.adopt(run.scatter.misfit(), &posterior.z)?;
@@ -72,24 +71,6 @@ struct Run {
     trace: Trace,
 }
 
-/// Calls the filter of the right size: sizes are known at compile time inside the filters, and only here at run time.
-fn dispatch(problem: &Problem, sharing: Sharing, unknowns: usize) -> Result<Run> {
-    macro_rules! sized {
-        ($($p:literal)*) => {
-            match (unknowns, sharing) {
-                $(
-                    ($p, Sharing::Dual(horizon)) => dual::run::<$p>(problem, horizon),
-                    ($p, Sharing::Joint) => joint::run::<$p, { $p + joint::STATES }>(problem),
-                )*
-                _ => Err(Error::Argument(format!(
-                    "--parameters names {unknowns} unknowns, the registration's among them; dual and joint take 1 to {UNKNOWNS_MAX}, batch takes all."
-                ))),
-            }
-        };
-    }
-    sized!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25)
-}
-
 /// Normalised square beyond which a sighting counts as false.
 fn gate() -> Option<f64> {
     chi_square_quantile(3, 1.0 - FALSE_CHANCE)
@@ -98,9 +79,4 @@ fn gate() -> Option<f64> {
 /// Lower-triangular factor of a covariance, if it is one.
 fn root(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     Some(covariance.cholesky()?.l())
-}
-
-/// `z` of a filter as the rest of the crate has it.
-fn unbounded(z: &[f64]) -> DVector<f64> {
-    DVector::from_column_slice(z)
 }

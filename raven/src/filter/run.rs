@@ -1,6 +1,6 @@
 //! A filter and smoother over a whole log: motor angles at the robot's rate, tip observations at their own times.
 
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Const, Matrix3, SVector, Vector3};
 
 use super::{Innovation, Smoothed, SmootherStep, SquareRootUkf, StateEquation, smooth};
 use crate::robot::{Kinematics, MotorTrack, PAUSE_MAX_S};
@@ -89,7 +89,7 @@ pub fn run<const N: usize>(equation: &impl StateEquation<N>, kinematics: &Kinema
 struct Stretch<'a, const N: usize, E> {
     equation: &'a E,
     kinematics: &'a Kinematics,
-    filter: SquareRootUkf<N, 3>,
+    filter: SquareRootUkf<Const<N>, 3>,
     gate: Option<f64>,
     /// Tips refused since the last one that was accepted.
     refusals: usize,

@@ -3,7 +3,7 @@
 use std::ops::AddAssign;
 
 use approx::assert_relative_eq;
-use nalgebra::{Matrix1, Matrix4, SMatrix, SVector, Vector1, Vector3, Vector4};
+use nalgebra::{Const, Matrix1, Matrix4, SMatrix, SVector, Vector1, Vector3, Vector4};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -42,7 +42,7 @@ fn equals_the_exact_kalman_filter_on_a_partially_observed_system() {
     let r = 0.04;
     let start = Matrix4::from_diagonal(&Vector4::new(1.0, 0.5, 2.0, 0.1));
     let mut exact = ExactKalman { mean: Vector4::new(0.5, -0.1, 0.2, 0.3), covariance: start };
-    let mut filter = SquareRootUkf::<4, 1>::new(exact.mean, start.map(f64::sqrt));
+    let mut filter = SquareRootUkf::<Const<4>, 1>::new(exact.mean, start.map(f64::sqrt));
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
     for k in 0..2000 {
@@ -66,7 +66,7 @@ fn smoother_equals_weighted_least_squares_over_the_whole_record() {
     let (q, r, steps) = (root * root.transpose(), 0.04, 12);
     let start = Matrix4::from_diagonal(&Vector4::new(1.0, 0.5, 2.0, 0.1));
     let observed = |k: usize| (!k.is_multiple_of(3)).then(|| (k as f64 * 0.7).cos());
-    let mut filter = SquareRootUkf::<4, 1>::new(Vector4::new(0.5, -0.1, 0.2, 0.3), start.map(f64::sqrt));
+    let mut filter = SquareRootUkf::<Const<4>, 1>::new(Vector4::new(0.5, -0.1, 0.2, 0.3), start.map(f64::sqrt));
     // All states at once: prior, transitions and observations as one information matrix.
     let size = 4 * (steps + 1);
     let (mut information, mut vector) = (nalgebra::DMatrix::<f64>::zeros(size, size), nalgebra::DVector::<f64>::zeros(size));
@@ -104,8 +104,8 @@ fn permuting_the_states_permutes_the_result() {
     let p = Matrix4::from_fn(|i, j| f64::from(u8::from(order[i] == j)));
     let start = Matrix4::from_diagonal(&Vector4::new(1.0, 0.5, 2.0, 0.1));
     let (f2, root2, h2) = (p * f * p.transpose(), p * root, h * p.transpose());
-    let mut one = SquareRootUkf::<4, 1>::new(Vector4::zeros(), start);
-    let mut other = SquareRootUkf::<4, 1>::new(Vector4::zeros(), p * start * p.transpose());
+    let mut one = SquareRootUkf::<Const<4>, 1>::new(Vector4::zeros(), start);
+    let mut other = SquareRootUkf::<Const<4>, 1>::new(Vector4::zeros(), p * start * p.transpose());
     for k in 0..200 {
         let y = Vector1::new((f64::from(k) * 0.3).sin());
         one.predict(|x| f * x, &root);
@@ -122,7 +122,7 @@ fn keeps_its_digits_under_tiny_measurement_noise() {
     // Two nearly parallel observations of two states with unit prior; the exact posterior is known in closed form.
     let (epsilon, r) = (1e-3, 1e-14);
     let (h1, h2) = (SVector::<f64, 2>::new(1.0, 1.0), SVector::<f64, 2>::new(1.0, 1.0 + epsilon));
-    let mut filter = SquareRootUkf::<2, 1>::new(SVector::zeros(), SMatrix::identity());
+    let mut filter = SquareRootUkf::<Const<2>, 1>::new(SVector::zeros(), SMatrix::identity());
     for h in [h1, h2] {
         filter.update(&Vector1::new(0.0), |x| Vector1::new(h.dot(x)), &Matrix1::new(f64::sqrt(r)), None);
     }
@@ -139,7 +139,7 @@ fn keeps_its_digits_under_tiny_measurement_noise() {
 #[test]
 fn a_million_steps_stay_finite() {
     let (f, root, h) = two_masses();
-    let mut filter = SquareRootUkf::<4, 1>::new(Vector4::zeros(), Matrix4::identity());
+    let mut filter = SquareRootUkf::<Const<4>, 1>::new(Vector4::zeros(), Matrix4::identity());
     for k in 0..1_000_000 {
         filter.predict(|x| f * x, &root);
         if k % 67 == 0 {
@@ -151,7 +151,7 @@ fn a_million_steps_stay_finite() {
 
 #[test]
 fn refuses_what_is_not_finite_or_beyond_the_gate() {
-    let mut filter = SquareRootUkf::<2, 1>::new(SVector::zeros(), SMatrix::identity());
+    let mut filter = SquareRootUkf::<Const<2>, 1>::new(SVector::zeros(), SMatrix::identity());
     let before = filter.clone();
     for y in [f64::NAN, f64::INFINITY, 50.0] {
         let innovation = filter.update(&Vector1::new(y), |x| Vector1::new(x[0]), &Matrix1::new(0.1), Some(16.0));
@@ -205,7 +205,7 @@ fn mean_nees<const N: usize>(
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let (mean, factor) = equation.initial(&motor);
         let mut truth = mean + factor * SVector::<f64, N>::from_fn(|_, _| normal());
-        let mut filter = SquareRootUkf::<N, 3>::new(mean, factor);
+        let mut filter = SquareRootUkf::<Const<N>, 3>::new(mean, factor);
         let noise = equation.noise_factor(STEP_S, &(rate.abs() * STEP_S));
         for k in 0..300 {
             let at = motor + rate * (f64::from(k) * STEP_S);
