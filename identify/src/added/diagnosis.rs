@@ -75,7 +75,8 @@ impl Diagnosis {
         }
     }
 
-    /// Values and standard deviations of a blamed effect, in the order and units of the library.
+    /// Values and standard deviations of a blamed effect, in the order and units of the library. What the motion before the recording left is
+    /// as usual: the file is for other recordings too.
     ///
     /// # Errors
     /// If one is missing, or in a unit that is not known.
@@ -83,7 +84,8 @@ impl Diagnosis {
         let measure = sited.measure;
         let both = |parameter: &raven::effects::Parameter| {
             let wrong = |message: String| Error::file(&self.path, format!("effects, {}: {message}", blamed.name()));
-            match (blamed.parameters.iter().find(|estimate| estimate.name == parameter.name), parameter.usual(measure)) {
+            let estimate = blamed.parameters.iter().find(|estimate| estimate.name == parameter.name && !parameter.scale.is_state());
+            match (estimate, parameter.usual(measure)) {
                 (Some(estimate), _) => {
                     let expected = parameter.unit_at(measure);
                     let unit = estimate.unit.as_deref().unwrap_or(expected);

@@ -55,7 +55,7 @@ fn values_come_from_the_report() {
     folder.report(&json!([
         blamed("pulley-radius", Some("shoulder"), &[("relative_error", -0.05, 4e-4, "1")]),
         blamed("joint-offset", Some("elbow"), &[("offset", 1.0, 0.1, "deg")]),
-        blamed("creep", Some("elbow"), &[("ratio", 2.5, 0.2, "1"), ("time", 30.0, 5.0, "s")]),
+        blamed("creep", Some("elbow"), &[("ratio", 2.5, 0.2, "1"), ("time", 30.0, 5.0, "s"), ("fresh_part", 0.8, 0.1, "1")]),
     ]));
     let typed = "--add-effect pulley-radius --add-effect joint-offset:elbow --add-effect creep --diagnosis {report.json} \
                  --robot {robot.yaml} -o {new.yaml}";
@@ -65,7 +65,8 @@ fn values_come_from_the_report() {
     assert_relative_eq!(new.joints[0].link_pulley_radius, 0.95 * radius_m, epsilon = 1e-12);
     assert_relative_eq!(new.joints[1].hard_stop, old.joints[1].hard_stop + 1_f64.to_radians(), epsilon = 1e-12);
     assert_eq!((new.effects[0].id.as_str(), new.effects[0].joint.as_deref()), ("creep", Some("elbow")));
-    assert_eq!(new.effects[0].values["time"], 30.0);
+    // What had crept before the recording is not of the robot.
+    assert_eq!((new.effects[0].values["time"], new.effects[0].values["fresh_part"]), (30.0, 0.0));
     // A deviation of the effect's number is one of the file's.
     let radius = new.calibration.iter().find(|line| line.key == "joints.shoulder.link_pulley_radius").unwrap();
     assert_relative_eq!(radius.std, 4e-4 * radius_m, epsilon = 1e-9);
