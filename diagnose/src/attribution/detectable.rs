@@ -57,13 +57,13 @@ pub(super) struct Smallest {
 impl Smallest {
     /// As reports have it.
     pub(super) fn detectable(&self, fitter: &Fitter) -> Detectable {
-        let (sited, kind) = (fitter.coordinates.sited[self.effect], fitter.coordinates.kinds[self.effect]);
+        let sited = fitter.coordinates.sited[self.effect];
         let parameter = fitter.coordinates.parameter(self.coordinate);
         Detectable {
             id: sited.effect.id,
             joint: sited.joint(fitter.rows.robot()),
-            size: self.u.is_finite().then(|| parameter.value(self.u, kind)),
-            unit: parameter.unit_at(kind).to_owned(),
+            size: self.u.is_finite().then(|| parameter.value(self.u, sited.measure)),
+            unit: parameter.unit_at(sited.measure).to_owned(),
         }
     }
 }

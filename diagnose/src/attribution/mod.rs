@@ -301,13 +301,13 @@ fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, deviations: &[f6
 /// A coordinate of a hypothesis with its deviation as a number in its unit.
 fn estimate(fitter: &Fitter, hypothesis: &Hypothesis, c: usize, std: f64) -> Estimate {
     let coordinates = fitter.coordinates;
-    let (parameter, kind, u) = (coordinates.parameter(c), coordinates.kinds[coordinates.all[c].effect], hypothesis.u[c]);
+    let (parameter, measure, u) = (coordinates.parameter(c), coordinates.sited[coordinates.all[c].effect].measure, hypothesis.u[c]);
     Estimate {
         aside: coordinates.all[c].is_unknown(),
         name: parameter.name,
-        value: parameter.value(u, kind),
-        std: parameter.std(u, std, kind),
-        unit: parameter.unit_at(kind).to_owned(),
+        value: parameter.value(u, measure),
+        std: parameter.std(u, std, measure),
+        unit: parameter.unit_at(measure).to_owned(),
     }
 }
 

@@ -5,7 +5,7 @@
 
 use raven::Result;
 
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Following, Hypothesis};
 use super::search::{Outcome, WITHIN_NATS};
 
 /// Others that are as near the best as this [nat] are fitted too, so many of them at most.
@@ -22,8 +22,7 @@ impl Fitter<'_> {
         if outcome.best.effects.is_empty() || gain > WITHIN_NATS {
             return Ok(());
         }
-        let closely = Fitter { closely: true, ..*self };
-        let again = |effects: &[usize], u: &[f64]| closely.fit(effects, u, None);
+        let again = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
         let Some(none) = again(&[], &outcome.none.u)? else { return Ok(()) };
         let mut likely = self.as_likely(outcome);
         // With the nominal model's numbers from either.

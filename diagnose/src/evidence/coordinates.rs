@@ -1,6 +1,6 @@
 //! Every number in which the robot may depart from the model, in units of its effect's own prior.
 
-use raven::effects::{Channel, Effect, Measure, Parameter, Scale, Scope, Sited};
+use raven::effects::{Channel, Effect, Parameter, Scale, Scope, Sited};
 use raven::robot::Robot;
 
 use super::rows::{Observed, Setting};
@@ -28,8 +28,6 @@ impl Coordinate {
 pub struct Coordinates {
     /// Effects at their places.
     pub sited: Vec<Sited>,
-    /// What the sizes of each are measured in.
-    pub kinds: Vec<Measure>,
     /// Effects that cannot show, with the reason.
     pub not_observable: Vec<(&'static Effect, &'static str)>,
     /// Numbers.
@@ -70,16 +68,15 @@ impl Coordinates {
         }
         // What shows at one joint is no news at another.
         not_observable.retain(|(effect, _)| sited.iter().all(|each| each.effect.id != effect.id));
-        let kinds: Vec<Measure> = sited.iter().map(|s| s.measure).collect();
-        let all = sited.iter().zip(&kinds).enumerate().flat_map(|(effect, (s, &kind))| {
+        let all = sited.iter().enumerate().flat_map(|(effect, s): (usize, &Sited)| {
             s.effect.parameters.iter().enumerate().map(move |(parameter, p)| Coordinate {
                 effect,
                 parameter,
-                spike: p.tolerance_u(robot, s.place, kind).filter(|spike| *spike > 0.0),
+                spike: p.tolerance_u(robot, s.place, s.measure).filter(|spike| *spike > 0.0),
             })
         });
         let all = all.collect();
-        Self { sited, kinds, not_observable, all }
+        Self { sited, not_observable, all }
     }
 
     /// The coordinates of an effect.

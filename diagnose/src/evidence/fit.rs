@@ -22,7 +22,7 @@ use super::sizes;
 
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
 const DIFFERENCE: f64 = 0.02;
-/// Most steps of a fit, and of one by slopes of rolled-out links.
+/// Most steps of a fit, and of one that goes by slopes of rolled-out links where an effect is.
 const STEPS_MAX: usize = 20;
 const CLOSE_STEPS_MAX: usize = 8;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
@@ -37,8 +37,8 @@ pub const STRAINED: f64 = 4.0;
 /// Farthest a number is moved at once, in units of the slab.
 const STEP_MAX: f64 = 1.5;
 
-/// How a fit treats the numbers of how a joint with an effect follows its cable. A joint that is held by friction, swings or floats in slack
-/// has little to do with the settled one.
+/// How a fit treats the numbers of how a joint follows its cable: of joints with an effect, unless it says all. A joint that is held by
+/// friction, swings or floats in slack has little to do with the settled one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Following {
     /// By slopes of settled links.
@@ -47,6 +47,8 @@ pub enum Following {
     Held,
     /// By slopes of rolled-out links, which take fifty times as long.
     RolledOut,
+    /// The same, and those of all joints.
+    AllRolledOut,
 }
 
 /// A column of slopes, shared between hypotheses.
@@ -91,15 +93,13 @@ pub struct Fitter<'a> {
     pub rows: &'a dyn Observed,
     /// Numbers.
     pub coordinates: &'a Coordinates,
-    /// Whether the numbers of how any joint follows its cable go by slopes of rolled-out links.
-    pub closely: bool,
 }
 
 impl<'a> Fitter<'a> {
-    /// By slopes of settled links.
+    /// Of recordings, by these numbers.
     #[must_use]
     pub fn new(rows: &'a dyn Observed, coordinates: &'a Coordinates) -> Self {
-        Self { rows, coordinates, closely: false }
+        Self { rows, coordinates }
     }
 }
 
@@ -122,11 +122,12 @@ impl Fitter<'_> {
         self.coordinates.all[c].spike.map_or(0.0, |spike| u[c].abs() / spike)
     }
 
-    /// Whether a number is about how a joint of `effects` follows its cable; where there are none, of any joint whose number is strained.
-    fn follows_as(&self, c: usize, effects: &[usize], start: &[f64]) -> bool {
+    /// Whether a number of the nominal model is about how a joint of `effects` follows its cable, or any joint if the fit is to treat all;
+    /// where there are no effects, any whose number is strained.
+    fn follows_as(&self, c: usize, effects: &[usize], start: &[f64], following: Following) -> bool {
         let effect = self.coordinates.all[c].effect;
         let id = self.coordinates.sited[effect].effect.id;
-        if self.closely {
+        if following == Following::AllRolledOut {
             return matches!(id, "cable-stretch" | "cable-damping" | "link-coulomb-friction");
         }
         let follows = matches!(id, "cable-stretch" | "link-coulomb-friction");
@@ -186,16 +187,16 @@ impl Fitter<'_> {
         self.rows.residuals(&self.coordinates.settings(u), Links::RolledOut, &ALL)
     }
 
-    /// Fits a hypothesis from a start. Slopes of `like` serve for the coordinates that are free there too, as long as they do
-    /// not move far. `None` where nothing finite was found.
+    /// Fits a hypothesis from a start by slopes of settled links. Those of `like` serve for the coordinates that are free there too, as long as
+    /// they do not move far. `None` where nothing finite was found.
     ///
     /// # Errors
     /// If the robot is no arm.
     pub fn fit(&self, effects: &[usize], start: &[f64], like: Option<&Hypothesis>) -> Result<Option<Hypothesis>> {
-        self.fit_with(effects, start, like, if self.closely { Following::RolledOut } else { Following::Settled })
+        self.fit_with(effects, start, like, Following::Settled)
     }
 
-    /// As [`Self::fit`], with the numbers of how joints with an effect follow their cable treated as `following` says.
+    /// As [`Self::fit`], with the numbers of how joints follow their cables treated as `following` says.
     ///
     /// # Errors
     /// As [`Self::fit`].
@@ -227,13 +228,15 @@ impl Fitter<'_> {
         };
         let mut columns: Vec<Option<(Column, f64)>> = free.iter().map(borrowed).collect();
         let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
-        // What does not change how joints follow has the same slopes either way.
-        let own_follows = |k: usize| own(k) && (!self.closely || self.followed(self.coordinates.all[free[k]].effect).is_some());
-        let of_joints = |k: usize| own_follows(k) || self.follows_as(free[k], &effects, start);
         let (links_of_joints, steps) = match following {
             Following::Settled | Following::Held => (Links::Settled, STEPS_MAX),
-            Following::RolledOut => (Links::RolledOut, if self.closely { STEPS_MAX } else { CLOSE_STEPS_MAX }),
+            Following::RolledOut => (Links::RolledOut, CLOSE_STEPS_MAX),
+            Following::AllRolledOut => (Links::RolledOut, STEPS_MAX),
         };
+        // What does not change how joints follow has the same slopes either way.
+        let all = following == Following::AllRolledOut;
+        let own_follows = |k: usize| own(k) && (!all || self.followed(self.coordinates.all[free[k]].effect).is_some());
+        let of_joints = |k: usize| own_follows(k) || self.follows_as(free[k], &effects, start, following);
         let mut damping = DAMPING[0];
         let mut holds = following == Following::Held;
         let mut information = DMatrix::zeros(0, 0);

@@ -13,7 +13,6 @@ use raven::Result;
 use raven::effects::{Effect, Scale, Sited};
 use rayon::prelude::*;
 
-use super::coordinates::Coordinates;
 use super::fit::{Fitter, Following, Hypothesis};
 use super::leftover::ACCOUNTED;
 use super::search::Outcome;
@@ -82,7 +81,7 @@ impl Fitter<'_> {
 
     /// Fits what an effect of the best hypothesis may stand in for, with the values that do about the same; as [`Self::closely`].
     fn stood_in(&self, outcome: &mut Outcome) -> Result<bool> {
-        let Coordinates { sited, kinds, .. } = self.coordinates;
+        let sited = &self.coordinates.sited;
         let best = outcome.best.clone();
         let mut others = Vec::new();
         for &found in &best.effects {
@@ -93,7 +92,7 @@ impl Fitter<'_> {
                 let Some(other) = sited.iter().position(is_tied).filter(|other| !best.effects.contains(other)) else { continue };
                 let mut u = self.without(found, &best.u);
                 for (c, value) in self.coordinates.of(other).zip(alike(&values)) {
-                    u[c] = self.coordinates.parameter(c).u(value, kinds[other]);
+                    u[c] = self.coordinates.parameter(c).u(value, sited[other].measure);
                 }
                 let effects = best.effects.iter().map(|&effect| if effect == found { other } else { effect });
                 others.push(Hypothesis { effects: effects.collect(), u, ..best.clone() });

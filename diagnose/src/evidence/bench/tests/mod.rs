@@ -42,9 +42,9 @@ fn found(robot: &Robot, recording: Recording) -> Vec<(&'static str, Vec<f64>, &'
     let fitter = Fitter::new(&bench, &coordinates);
     let best: Hypothesis = fitter.search(|| {}).unwrap().unwrap().best;
     let of = |&e: &usize| {
-        let (sited, measure) = (&coordinates.sited[e], coordinates.kinds[e]);
-        let values = coordinates.of(e).zip(sited.effect.parameters).map(|(c, p)| p.value(best.u[c], measure)).collect();
-        (sited.effect.id, values, sited.effect.parameters[0].unit_at(measure))
+        let sited = &coordinates.sited[e];
+        let own: Vec<f64> = coordinates.of(e).map(|c| best.u[c]).collect();
+        (sited.effect.id, sited.values(&own), sited.effect.parameters[0].unit_at(sited.measure))
     };
     best.effects.iter().map(of).collect()
 }
