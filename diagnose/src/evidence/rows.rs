@@ -27,6 +27,10 @@ const MORE_FRICTION: f64 = 1.5;
 const MORE_FRICTION_AT_START: f64 = 2.0;
 const SPARED: f64 = 0.1;
 
+/// Shortest step [s] that a hypothesis may ask of the links. A fit that has lost its way may try a cable's damper a thousand times too large:
+/// its fast motion shows in no recording, and following it would take hours.
+const STEP_MIN_S: f64 = 2e-5;
+
 /// Recordings of one robot, and how much each residual weighs.
 pub struct Rows<'a> {
     robot: &'a Robot,
@@ -197,11 +201,16 @@ impl Observed for Rows<'_> {
         let model = self.model(settings)?;
         let [with_tip, with_torque] = ALL.map(|channel| channels.contains(&channel));
         let torque = TorqueModel::new(&model)?;
+        // A motion that does not stay finite explains nothing; slopes have nothing to say where there is no prediction.
+        let lost = if links == Links::RolledOut { f64::INFINITY } else { 0.0 };
         let (mut tips, mut torques) = (Vec::with_capacity(self.tip_rows() + self.torque_rows()), Vec::with_capacity(self.torque_rows()));
         for ((data, whiten), weights) in self.data.iter().zip(&self.whiten).zip(&self.torque_weight) {
             let sights = if with_tip { data.sights.as_slice() } else { &[] };
             let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
             let tip = TipModel::new(&model, &data.motors)?;
+            if links == Links::RolledOut && tip.step_max_s() < STEP_MIN_S {
+                return Ok(vec![f64::INFINITY; self.tip_rows() + self.torque_rows()]);
+            }
             let (seen, tensions) = match links {
                 Links::RolledOut => tip.rolled_out(sights, shafts),
                 Links::Settled => {
@@ -212,7 +221,7 @@ impl Observed for Rows<'_> {
             };
             for ((sight, whiten), seen) in sights.iter().zip(whiten).zip(seen) {
                 let row = seen.map_or_else(Vector3::zeros, |seen| whiten * (sight.position_m - seen));
-                tips.extend(row.iter().map(|v| if v.is_finite() { *v } else { 0.0 }));
+                tips.extend(row.iter().map(|v| if v.is_finite() { *v } else { lost }));
             }
             let delivered: Vec<Vector3<f64>> = shafts.iter().map(|shaft| torque.delivered(&shaft.commanded)).collect();
             let per_delivered = commanded_per_delivered(shafts.iter().map(|shaft| shaft.commanded).zip(delivered.iter().copied()), weights);

@@ -61,6 +61,12 @@ impl<'a> TipModel<'a> {
         Ok(Self { model, links: LinkModel::new(arm), motors })
     }
 
+    /// Longest step [s] of [`Self::rolled_out`], which takes as much longer as it is shorter than a millisecond.
+    #[must_use]
+    pub fn step_max_s(&self) -> f64 {
+        self.links.step_max_s()
+    }
+
     /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording; and the
     /// cables' tension differences [N], averaged over the window of each of `shafts` as its torque is.
     #[must_use]

@@ -67,7 +67,7 @@ impl LinkModel {
         let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
         let inertia = arm.dynamics.mass_matrix(&middle).diagonal();
         let grip = Grip::new(&arm, &inertia);
-        let step_max_s = (RUNGE_KUTTA_REACH / fastest_pole(&arm, &grip, &middle, &inertia)).min(1e-3);
+        let step_max_s = (RUNGE_KUTTA_REACH / fastest_pole(&arm, &grip, &middle, &inertia)).clamp(STEP_MIN_S, STEP_MAX_S);
         Self { arm, grip, step_max_s }
     }
 
@@ -172,7 +172,8 @@ impl LinkModel {
     #[must_use]
     pub fn advance(&self, state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
         let steps = (duration_s / self.step_max_s).ceil().max(1.0);
-        let [first, finer @ ..] = FINER.map(|finer| finer * steps);
+        let steps_max = (duration_s / STEP_MIN_S).ceil().max(1.0);
+        let [first, finer @ ..] = FINER.map(|finer| (finer * steps).min(steps_max));
         finer.into_iter().fold(self.in_steps(&state, motor, motor_rate, duration_s, first), |reached, steps| {
             let is_finite = reached.position.iter().chain(&reached.rate).all(|v| v.is_finite());
             if is_finite { reached } else { self.in_steps(&state, motor, motor_rate, duration_s, steps) }
@@ -236,6 +237,10 @@ impl LinkModel {
 
 /// Product of pole and step up to which order-four Runge-Kutta is accurate; it is stable up to 2.78.
 const RUNGE_KUTTA_REACH: f64 = 2.0;
+
+/// Longest step, and the shortest that is tried [s]: what asks for shorter ones does not stay finite, instead of taking for ever.
+const STEP_MAX_S: f64 = 1e-3;
+const STEP_MIN_S: f64 = 1e-6;
 
 /// By how much steps are made shorter where the motion does not stay finite.
 const FINER: [f64; 4] = [1.0, 4.0, 16.0, 64.0];

@@ -116,6 +116,20 @@ fn a_coarse_step_is_as_good_as_twenty_fine_ones() {
 }
 
 #[test]
+fn no_number_of_a_file_makes_a_step_take_for_ever() {
+    let mut robot = nominal();
+    for joint in &mut robot.joints {
+        joint.cable = Some(Cable { slack: 1e-4, ..Cable::new(1e12, 1e12) });
+    }
+    let model = LinkModel::new(robot.arm().unwrap());
+    let motor = model.arm().transmission.motor_from_joint(&joint(45.0, 90.0, 0.35));
+    let state = LinkState::new(joint(46.0, 91.0, 0.36), Vector3::repeat(1.0));
+    // It does not stay finite, and says so at once.
+    let reached = model.advance(state, &motor, &Vector3::zeros(), 1e-3);
+    assert!(!reached.position.iter().all(|v| v.is_finite()));
+}
+
+#[test]
 fn energy_is_conserved_without_friction_and_cables() {
     let mut robot = nominal();
     for joint in &mut robot.joints {
