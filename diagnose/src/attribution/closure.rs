@@ -141,7 +141,7 @@ fn fitted_elsewhere(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypot
 }
 
 fn setting(coordinates: &Coordinates, effect: usize, u: &[f64]) -> Setting {
-    (coordinates.sited[effect], coordinates.of(effect).map(|c| u[c]).collect())
+    (coordinates.sited[effect], coordinates.own(effect, u))
 }
 
 fn block(time_s: f64) -> usize {

@@ -84,6 +84,18 @@ impl Coordinates {
         (0..self.all.len()).filter(move |&c| self.all[c].effect == effect)
     }
 
+    /// An effect's own numbers at a point.
+    #[must_use]
+    pub fn own(&self, effect: usize, u: &[f64]) -> Vec<f64> {
+        self.of(effect).map(|c| u[c]).collect()
+    }
+
+    /// The same as values, in the units of its parameters.
+    #[must_use]
+    pub fn values(&self, effect: usize, u: &[f64]) -> Vec<f64> {
+        self.sited[effect].values(&self.own(effect, u))
+    }
+
     /// The number that a coordinate stands for.
     #[must_use]
     pub fn parameter(&self, c: usize) -> &'static Parameter {

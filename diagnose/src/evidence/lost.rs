@@ -49,7 +49,7 @@ impl Fitter<'_> {
         }
         if self.leftover(&outcome.best).remains() {
             let best = outcome.best.clone();
-            let slack = |&effect: &usize| (effect, self.coordinates.of(effect).map(|c| best.u[c]).collect::<Vec<f64>>());
+            let slack = |&effect: &usize| (effect, self.coordinates.own(effect, &best.u));
             let slacks = best.effects.iter().filter(|&&effect| self.is_loose(effect)).map(slack);
             let starts = slacks.flat_map(|(effect, u)| SLACKS.map(|part| (effect, u.iter().map(|u| part * u).collect())));
             other |= self.begun_again(outcome, nominal, &starts.collect::<Vec<_>>(), &[Following::Held, Following::Settled])?;
@@ -62,7 +62,7 @@ impl Fitter<'_> {
     pub(super) fn followed_closely(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
         let is_soft = |&effect: &usize| {
             let Sited { effect: Effect { id, parameters, .. }, .. } = self.coordinates.sited[effect];
-            *id == "cable-stretch" && matches!(parameters[0].scale, Scale::Factor(_)) && self.values(effect, &best.u)[0] < SOFT
+            *id == "cable-stretch" && matches!(parameters[0].scale, Scale::Factor(_)) && self.coordinates.values(effect, &best.u)[0] < SOFT
         };
         if !best.effects.iter().any(is_soft) {
             return Ok(best);
@@ -73,19 +73,13 @@ impl Fitter<'_> {
         Ok(closely)
     }
 
-    /// Values of an effect's numbers.
-    fn values(&self, effect: usize, u: &[f64]) -> Vec<f64> {
-        let own: Vec<f64> = self.coordinates.of(effect).map(|c| u[c]).collect();
-        self.coordinates.sited[effect].values(&own)
-    }
-
     /// Fits what an effect of the best hypothesis may stand in for, with the values that do about the same; as [`Self::closely`].
     fn stood_in(&self, outcome: &mut Outcome) -> Result<bool> {
         let sited = &self.coordinates.sited;
         let best = outcome.best.clone();
         let mut others = Vec::new();
         for &found in &best.effects {
-            let values = self.values(found, &best.u);
+            let values = self.coordinates.values(found, &best.u);
             for tie in sited[found].effect.ties {
                 let Some(alike) = tie.values else { continue };
                 let is_tied = |other: &Sited| other.effect.id == tie.id && other.place == sited[found].place;

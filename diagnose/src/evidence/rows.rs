@@ -208,10 +208,10 @@ impl Observed for Rows<'_> {
             let sights = if with_tip { data.sights.as_slice() } else { &[] };
             let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
             let tip = TipModel::new(&model, &data.motors)?;
-            if links == Links::RolledOut && tip.step_max_s() < STEP_MIN_S {
-                return Ok(vec![f64::INFINITY; self.tip_rows() + self.torque_rows()]);
-            }
             let (seen, tensions) = match links {
+                Links::RolledOut if tip.step_max_s() < STEP_MIN_S => {
+                    return Ok(vec![f64::INFINITY; self.tip_rows() + self.torque_rows()]);
+                }
                 Links::RolledOut => tip.rolled_out(sights, shafts),
                 Links::Settled => {
                     let dragged = tip.dragged();

@@ -236,7 +236,7 @@ impl Fitter<'_> {
         let strain = |c: usize, h: &Hypothesis| self.prior(c, &h.effects).map_or(0.0, |t| 0.5 * (better.u[c] / t).powi(2));
         let price: f64 = hypothesis.free.iter().map(|&c| strain(c, hypothesis) - strain(c, better)).sum();
         // How things stood as the recording began is nothing to go by.
-        let may_lack = |c: usize| hypothesis.free.contains(&c) || matches!(self.scale(c), Scale::State(_));
+        let may_lack = |c: usize| hypothesis.free.contains(&c) || self.scale(c).is_state();
         let is_within_reach = better.free.iter().all(|&c| may_lack(c));
         let may_be_lost = if is_within_reach { behind > price } else { behind < WITHIN_NATS };
         if !may_be_lost {

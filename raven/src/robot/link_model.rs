@@ -171,13 +171,18 @@ impl LinkModel {
     /// their rigid-body terms. A cable that stiffens asks for more steps the harder it is pulled: where they were too few, for finer ones.
     #[must_use]
     pub fn advance(&self, state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
-        let steps = (duration_s / self.step_max_s).ceil().max(1.0);
-        let steps_max = (duration_s / STEP_MIN_S).ceil().max(1.0);
-        let [first, finer @ ..] = FINER.map(|finer| (finer * steps).min(steps_max));
-        finer.into_iter().fold(self.in_steps(&state, motor, motor_rate, duration_s, first), |reached, steps| {
+        let steps = |step_s: f64| (duration_s / step_s).ceil().max(1.0);
+        let (coarse, most) = (steps(self.step_max_s), steps(STEP_MIN_S));
+        let mut reached = state;
+        for finer in FINER {
+            let steps = (finer * coarse).min(most);
+            reached = self.in_steps(&state, motor, motor_rate, duration_s, steps);
             let is_finite = reached.position.iter().chain(&reached.rate).all(|v| v.is_finite());
-            if is_finite { reached } else { self.in_steps(&state, motor, motor_rate, duration_s, steps) }
-        })
+            if is_finite || steps == most {
+                break;
+            }
+        }
+        reached
     }
 
     fn in_steps(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64, steps: f64) -> LinkState {

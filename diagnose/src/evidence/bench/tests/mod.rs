@@ -43,8 +43,7 @@ fn found(robot: &Robot, recording: Recording) -> Vec<(&'static str, Vec<f64>, &'
     let best: Hypothesis = fitter.search(|| {}).unwrap().unwrap().best;
     let of = |&e: &usize| {
         let sited = &coordinates.sited[e];
-        let own: Vec<f64> = coordinates.of(e).map(|c| best.u[c]).collect();
-        (sited.effect.id, sited.values(&own), sited.effect.parameters[0].unit_at(sited.measure))
+        (sited.effect.id, coordinates.values(e, &best.u), sited.effect.parameters[0].unit_at(sited.measure))
     };
     best.effects.iter().map(of).collect()
 }
