@@ -1,5 +1,8 @@
+use nalgebra::{Matrix2, Matrix3, Point3, Vector3};
+
 use super::*;
-use crate::robot::nominal;
+use crate::robot::{MotorTrack, nominal};
+use crate::simulation::{Options, Session};
 
 #[test]
 fn identifiers_are_unique_and_ties_are_known() {
@@ -36,5 +39,43 @@ fn no_effect_is_no_change() {
             let model = Model::new(&robot, None).unwrap().with(&sited, &u);
             assert_eq!(model.robot, Model::new(&robot, None).unwrap().robot, "{}", sited.effect.id);
         }
+    }
+}
+
+/// Between the images the tip speeds up and slows down.
+#[test]
+fn a_late_image_shows_the_tip_where_it_was() {
+    const LATE_S: f64 = 0.03;
+    const READOUT_S: f64 = 0.02;
+    let robot = nominal::gold();
+    let cameras = Session::new(&robot, Options::default()).unwrap().cameras().unwrap().clone();
+    let base_from_left = cameras.base_from_left.unwrap();
+    let transmission = robot.arm().unwrap().transmission;
+    let joint = |t: f64| Vector3::new(0.8 + 0.1 * (9.0 * t).sin(), 1.6 + 0.1 * (8.0 * t).cos(), 0.35 + 0.01 * (10.0 * t).sin());
+    let time_s: Vec<f64> = (0..2000).map(|k| 1e-3 * f64::from(k)).collect();
+    let motors = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s };
+    let seen = |model: &Model, stamps_s: &[f64], rows: [f64; 2]| {
+        let sight = |&stamp_s: &f64| Sight { stamp_s, position_m: Vector3::zeros(), covariance_m2: Matrix3::identity(), rows };
+        let sights: Vec<Sight> = stamps_s.iter().map(sight).collect();
+        let tips = TipModel::new(model, &motors).unwrap().rolled_out(&sights, &[]).0;
+        tips.into_iter().map(Option::unwrap).collect::<Vec<_>>()
+    };
+    let mut late = Model::new(&robot, Some(&cameras)).unwrap();
+    (late.view.right_minus_left_s, late.view.readout_s) = (LATE_S, READOUT_S);
+    let on_time = Model::new(&robot, Some(&cameras)).unwrap();
+    let rows = [0.2, -0.3];
+    let stamps_s: Vec<f64> = (0..30).map(|k| 0.3 + 0.05 * f64::from(k)).collect();
+    let at = |after_s: f64| seen(&on_time, &stamps_s.iter().map(|t| t + after_s).collect::<Vec<_>>(), [0.0; 2]);
+    let (left_m, right_m) = (at(READOUT_S * rows[0]), at(READOUT_S * rows[1] - LATE_S));
+    for ((left_m, right_m), seen_m) in left_m.iter().zip(&right_m).zip(seen(&late, &stamps_s, rows)) {
+        let from_left = |tip_m: &Vector3<f64>| base_from_left.inverse_transform_point(&Point3::from(*tip_m));
+        let pixels = [
+            cameras.left.project(&from_left(left_m).coords).unwrap(),
+            cameras.right.project(&(cameras.right_from_left * from_left(right_m)).coords).unwrap(),
+        ];
+        let triangulated = cameras.triangulate(&pixels, &[Matrix2::identity(); 2]).unwrap().point_left;
+        let expected_m = base_from_left * Point3::from(triangulated);
+        assert!((seen_m - expected_m.coords).norm() < 1e-5, "{seen_m} for {expected_m}");
+        assert!((seen_m - left_m).norm() > 1e-5);
     }
 }

@@ -71,17 +71,17 @@ impl<'a> TipModel<'a> {
     /// cables' tension differences [N], averaged over the window of each of `shafts` as its torque is.
     #[must_use]
     pub fn rolled_out(&self, sights: &[Sight], shafts: &[Shaft]) -> (WhereKnown, WhereKnown) {
-        let shown = sights.iter().map(|sight| self.model.view.shown_at_s(sight.stamp_s));
-        let times: Vec<f64> = shown.chain(shafts.iter().flat_map(nodes_s)).collect();
+        let times: Vec<f64> = sights.iter().flat_map(|sight| self.images_at_s(sight)).chain(shafts.iter().flat_map(nodes_s)).collect();
         let states = self.states(&times);
-        let (of_sights, of_shafts) = states.split_at(sights.len());
+        let (of_images, of_shafts) = states.split_at(2 * sights.len());
         let stretch_m: WhereKnown =
-            times[sights.len()..].iter().zip(of_shafts).map(|(&time_s, state)| self.stretch_m(time_s, state)).collect();
+            times[of_images.len()..].iter().zip(of_shafts).map(|(&time_s, state)| self.stretch_m(time_s, state)).collect();
         let tension = |(shaft, stretch_m): (&Shaft, &[Option<Vector3<f64>>])| {
             let stretch_m: Vec<Vector3<f64>> = stretch_m.iter().copied().collect::<Option<_>>()?;
             Some(self.averaged_tension_n(&stretch_m, shaft.window_s / (NODES + 1) as f64))
         };
-        (self.seen(sights, of_sights), shafts.iter().zip(stretch_m.chunks(NODES)).map(tension).collect())
+        let joints: WhereKnown = of_images.iter().map(|state| state.map(|state| state.position)).collect();
+        (self.seen(&joints), shafts.iter().zip(stretch_m.chunks(NODES)).map(tension).collect())
     }
 
     /// Of stretches at the nodes of a window, which are so far apart in time.
@@ -130,23 +130,27 @@ impl<'a> TipModel<'a> {
     /// Predictions with links without inertia, at rest where cables and friction hold them: fifty times as fast, good for slopes.
     #[must_use]
     pub fn settled(&self, sights: &[Sight], dragged: &Dragged) -> WhereKnown {
-        let free = &dragged.motors;
-        let state = |sight: &Sight| {
-            let time_s = self.model.view.shown_at_s(sight.stamp_s);
-            let (angle, _) = free.at(time_s)?;
-            let rate = self.links.arm().transmission.joint_rate_from_motor(&self.motors.steady(time_s)?.rate);
-            Some(LinkState::new(self.links.settled(&angle, &Vector3::zeros()), rate))
+        let settled = |time_s: f64| Some(self.links.settled(&dragged.motors.at(time_s)?.0, &Vector3::zeros()));
+        let joints = |sight: &Sight| {
+            let [left_s, right_s] = self.images_at_s(sight);
+            let left = settled(left_s);
+            [left, if right_s == left_s { left } else { settled(right_s) }]
         };
-        self.seen(sights, &sights.iter().map(state).collect::<Vec<_>>())
+        self.seen(&sights.iter().flat_map(joints).collect::<Vec<_>>())
     }
 
-    fn seen(&self, sights: &[Sight], states: &[Option<LinkState>]) -> WhereKnown {
+    fn images_at_s(&self, sight: &Sight) -> [f64; 2] {
+        self.model.view.images_at_s(sight.stamp_s, sight.rows)
+    }
+
+    /// Tips of joints as the left and the right image of each sight show them.
+    fn seen(&self, joints: &[Option<Vector3<f64>>]) -> WhereKnown {
         let (look, kinematics) = (self.model.view.look(), &self.links.arm().kinematics);
-        let seen = |(sight, state): (&Sight, &Option<LinkState>)| {
-            let state = state.as_ref()?;
-            let (tip_m, jacobian) = kinematics.forward_and_jacobian(&state.position);
-            look.seen_m(&tip_m, &(jacobian * state.rate), sight.rows)
+        let seen = |images: &[Option<Vector3<f64>>]| {
+            let &[Some(left), Some(right)] = images else { return None };
+            let left_m = kinematics.forward(&left);
+            look.seen_m(&[left_m, if right == left { left_m } else { kinematics.forward(&right) }])
         };
-        sights.iter().zip(states).map(seen).collect()
+        joints.chunks(2).map(seen).collect()
     }
 }

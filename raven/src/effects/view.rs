@@ -61,6 +61,13 @@ impl View {
         stamp_s - self.latency_s - self.drift * stamp_s
     }
 
+    /// When the robot was where the left and the right image with this stamp show it at these rows, from -1/2 at the top to 1/2 at the bottom [s].
+    #[must_use]
+    pub fn images_at_s(&self, stamp_s: f64, rows: [f64; 2]) -> [f64; 2] {
+        let of_row = |row: f64| self.shown_at_s(stamp_s) + self.readout_s * row;
+        [of_row(rows[0]), of_row(rows[1]) - self.right_minus_left_s]
+    }
+
     /// The file's corrections that make up for latency and pose of this rig, once the tip at the hard stop is `tip_at_hard_stop_m`.
     ///
     /// Seen is `S(x) = R' (A x - p - t) + p`, with `A` the rig's motion in frame 0 and `R`, `t`, `p` the old correction; the new one has
@@ -109,21 +116,18 @@ pub struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// Where the tip is triangulated that is at `tip_m` (frame 0) and moves with `rate_m_s` when its image is taken. `rows` are the rows
-    /// at which the left and right images show it, from -1/2 at the top to 1/2 at the bottom.
+    /// Where a tip is triangulated that is at these points (frame 0) when the left and when the right image show it.
     #[must_use]
-    pub fn seen_m(&self, tip_m: &Vector3<f64>, rate_m_s: &Vector3<f64>, rows: [f64; 2]) -> Option<Vector3<f64>> {
-        let view = self.view;
-        let late_s = [view.readout_s * rows[0], view.readout_s * rows[1] - view.right_minus_left_s];
-        let in_left = |late_s: f64| self.actual_from_base * Point3::from(tip_m + rate_m_s * late_s);
-        let seen_left = match (&view.believed, late_s[0] != late_s[1] || self.bent.is_some()) {
+    pub fn seen_m(&self, tip_m: &[Vector3<f64>; 2]) -> Option<Vector3<f64>> {
+        let [in_left, in_right] = tip_m.map(|tip_m| self.actual_from_base * Point3::from(tip_m));
+        let seen_left = match (&self.view.believed, in_left != in_right || self.bent.is_some()) {
             (Some(believed), true) => {
                 let actual = self.bent.as_ref().unwrap_or(believed);
-                let left = actual.left.project(&in_left(late_s[0]).coords)?;
-                let right = actual.right.project(&(actual.right_from_left * in_left(late_s[1])).coords)?;
+                let left = actual.left.project(&in_left.coords)?;
+                let right = actual.right.project(&(actual.right_from_left * in_right).coords)?;
                 Point3::from(believed.triangulate(&[left, right], &[Matrix2::identity(); 2])?.point_left)
             }
-            _ => in_left(late_s[0]),
+            _ => in_left,
         };
         let in_base = self.believed_from_base.inverse_transform_point(&seen_left).coords;
         Some(self.corrected(&in_base))
