@@ -40,6 +40,8 @@ pub struct Rows<'a> {
     whiten: Vec<Vec<nalgebra::Matrix3<f64>>>,
     /// Inverse deviations of each torque sample; 0 where it says nothing.
     torque_weight: Vec<Vec<Vector3<f64>>>,
+    /// Per recording, from when on the past no longer shows.
+    loose: Vec<Loose>,
     /// Whose friction near rest is in doubt.
     rubbing: Arm,
 }
@@ -107,16 +109,18 @@ impl<'a> Rows<'a> {
     /// If the robot is no arm.
     pub fn new(robot: &'a Robot, cameras: Option<&'a Cameras>, data: &'a [Data]) -> Result<Self> {
         let arm = robot.arm()?;
-        let whiten = |data: &Data| {
-            let from_s = told_from_s(&arm, &data.motors);
+        let loose: Vec<Loose> = data.iter().map(|data| Loose::new(&arm, &data.motors)).collect();
+        let whiten = |(data, loose): (&Data, &Loose)| {
             let factor = |s: &raven::effects::Sight| {
-                let factor = s.covariance_m2.cholesky().filter(|_| s.stamp_s >= from_s).and_then(|c| c.l().try_inverse());
+                let factor = s.covariance_m2.cholesky().filter(|_| s.stamp_s >= loose.links_s).and_then(|c| c.l().try_inverse());
                 factor.unwrap_or_else(nalgebra::Matrix3::zeros)
             };
             data.sights.iter().map(factor).collect()
         };
-        let torque_weight = data.iter().map(|data| torque_weights(robot, &arm, &data.shafts)).collect();
-        Ok(Self { robot, cameras, data, whiten: data.iter().map(whiten).collect(), torque_weight, rubbing: arm })
+        let whiten = data.iter().zip(&loose).map(whiten).collect();
+        let mut rows = Self { robot, cameras, data, whiten, torque_weight: Vec::new(), loose, rubbing: arm };
+        rows.torque_weight = rows.weighed(&rows.rubbing);
+        Ok(rows)
     }
 
     /// The same with torque samples near rest in as much doubt as the dry friction with these effects asks for; `None` where that is hardly
@@ -132,8 +136,13 @@ impl<'a> Rows<'a> {
         if (0..3).all(|j| found[j] <= MORE_FRICTION * assumed[j]) {
             return Ok(None);
         }
-        let torque_weight = self.data.iter().map(|data| torque_weights(self.robot, &arm, &data.shafts)).collect();
-        Ok(Some(Self { torque_weight, rubbing: arm, whiten: self.whiten.clone(), ..*self }))
+        Ok(Some(Self { torque_weight: self.weighed(&arm), rubbing: arm, whiten: self.whiten.clone(), loose: self.loose.clone(), ..*self }))
+    }
+
+    /// Inverse deviations of torque samples where the friction of `arm` is what is in doubt near rest.
+    fn weighed(&self, arm: &Arm) -> Vec<Vec<Vector3<f64>>> {
+        let recordings = self.data.iter().zip(&self.loose);
+        recordings.map(|(data, loose)| torque_weights(self.robot, arm, &data.shafts, loose)).collect()
     }
 
     /// The same with part of the rows counting less: each sight and torque sample's deviations are multiplied by what `inflation` says of
@@ -146,6 +155,7 @@ impl<'a> Rows<'a> {
             data: self.data,
             whiten: self.whiten.clone(),
             torque_weight: self.torque_weight.clone(),
+            loose: self.loose.clone(),
             rubbing: self.rubbing.clone(),
         };
         for (r, data) in self.data.iter().enumerate() {
@@ -239,12 +249,25 @@ impl Observed for Rows<'_> {
     }
 }
 
-/// When links have come loose from where friction held them before a recording: nobody saw how they came there. Of joints that stay where they
-/// are for longer than the recording can spare, nothing is known but that.
-fn told_from_s(arm: &Arm, motors: &MotorTrack) -> f64 {
-    let (Some(&start_s), Some(&end_s)) = (motors.time_s.first(), motors.time_s.last()) else { return 0.0 };
-    let spared_s = start_s + SPARED * (end_s - start_s);
-    stirred_s(arm, motors, MORE_FRICTION_AT_START).into_iter().flatten().filter(|&at_s| at_s < spared_s).fold(start_s, f64::max)
+/// When links have come loose from where friction held them before a recording: nobody saw how they came there, or which way it held them.
+#[derive(Debug, Clone)]
+struct Loose {
+    /// All of those that the recording can spare the time for [s]. Of one that stays where it is for longer nothing is known but that.
+    links_s: f64,
+    /// Each [s]: until then its friction may pull either way. Never, for one that stays where it is.
+    joints_s: Vector3<f64>,
+}
+
+impl Loose {
+    fn new(arm: &Arm, motors: &MotorTrack) -> Self {
+        let start_s = motors.time_s.first().copied().unwrap_or_default();
+        let spared_s = start_s + SPARED * (motors.time_s.last().map_or(0.0, |end_s| end_s - start_s));
+        let stirred = stirred_s(arm, motors, MORE_FRICTION_AT_START);
+        Self {
+            links_s: stirred.into_iter().flatten().filter(|&at_s| at_s < spared_s).fold(start_s, f64::max),
+            joints_s: Vector3::from(stirred.map(|at_s| at_s.unwrap_or(f64::INFINITY))),
+        }
+    }
 }
 
 /// A whitened error of torque, larger where the drive clips: of a command that is clipped the model does not say how large it is, so the
@@ -280,8 +303,8 @@ fn dry_friction(arm: &Arm, shaft: &Shaft) -> Vector3<f64> {
 }
 
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is
-/// not known of the friction of `arm` near rest.
-fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft]) -> Vec<Vector3<f64>> {
+/// not known of the friction of `arm` near rest. Before links are loose they say nothing.
+fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: &Loose) -> Vec<Vector3<f64>> {
     let mean_square = |j: usize| shafts.iter().map(|s| s.commanded[j].powi(2)).sum::<f64>() / shafts.len().max(1) as f64;
     let model = Vector3::from_fn(|j, _| TORQUE_MODEL * mean_square(j).sqrt());
     let stride_s = shafts.windows(2).map(|w| w[1].time_s - w[0].time_s).fold(f64::INFINITY, f64::min);
@@ -292,7 +315,8 @@ fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft]) -> Vec<Vector3<f64
         let dry = dry_friction(arm, shaft);
         Vector3::from_fn(|j, _| {
             let surely_moving = shaft.rate[j].abs() > CREEP_RAD_S + 0.5 * WINDOW_S * shaft.acceleration[j].abs();
-            if !surely_moving || model[j] == 0.0 {
+            let is_loose = shaft.time_s >= loose.links_s.max(loose.joints_s[j]);
+            if !surely_moving || !is_loose || model[j] == 0.0 {
                 return 0.0;
             }
             let friction = dry[j] / transmission.link_radius_m[j] * transmission.cable_per_motor_m[j] * robot.joints[j].gear_ratio;
@@ -301,4 +325,41 @@ fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft]) -> Vec<Vector3<f64
         })
     };
     shafts.iter().map(weight).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use raven::robot::nominal;
+
+    use super::*;
+
+    #[test]
+    fn torque_says_nothing_until_links_are_loose_from_where_friction_held_them() {
+        // When each joint begins to swing [s]: the recording cannot spare the time until the insertion does.
+        const BEGINS_S: [f64; 3] = [0.5, 2.0, 10.0];
+        const AMPLITUDES: [f64; 3] = [0.3, 0.3, 0.05];
+        let robot = nominal::gold();
+        let transmission = robot.arm().unwrap().transmission;
+        let swing = |t: f64, j: usize| AMPLITUDES[j] * (3.0 * (t - BEGINS_S[j]).max(0.0)).sin();
+        let joint = |t: f64| Vector3::new(0.8, 1.6, 0.35) + Vector3::from_fn(|j, _| swing(t, j));
+        let time_s: Vec<f64> = (0..30_000).map(|k| 1e-3 * f64::from(k)).collect();
+        let motors = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s };
+        let shaft = |k: usize| {
+            let [before, now, after] = [k - 1, k, k + 1].map(|k| motors.angle[k]);
+            let (rate, acceleration) = ((after - before) / 2e-3, (after - now * 2.0 + before) / 1e-6);
+            Shaft { time_s: motors.time_s[k], angle: now, rate, acceleration, commanded: Vector3::repeat(0.01), window_s: WINDOW_S }
+        };
+        let shafts: Vec<Shaft> = (20..29_980).step_by(20).map(shaft).collect();
+        let data = [Data { motors: motors.clone(), sights: Vec::new(), shafts }];
+        let rows = Rows::new(&robot, None, &data).unwrap();
+        let first_s = [0, 1, 2].map(|j| {
+            let counts = data[0].shafts.iter().zip(rows.torque_weights(0)).find(|(_, weight)| weight[j] > 0.0);
+            counts.unwrap().0.time_s
+        });
+        for (j, from_s) in [2.0, 2.0, 10.0].into_iter().enumerate() {
+            assert!((from_s..from_s + 0.5).contains(&first_s[j]), "joint {j} counts from {} s", first_s[j]);
+        }
+        // The insertion's motor turns before, as its cable runs over the other joints' pulleys.
+        assert!(data[0].shafts.iter().any(|shaft| shaft.time_s < 9.0 && shaft.rate[2].abs() > 2.0 * CREEP_RAD_S));
+    }
 }
