@@ -25,9 +25,13 @@ impl Fitter<'_> {
         let again = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
         let Some(none) = again(&[], &outcome.none.u)? else { return Ok(()) };
         let mut likely = self.as_likely(outcome);
-        // With the nominal model's numbers from either.
-        let from_none = self.beside(&none, &outcome.best);
-        likely.push((outcome.best.effects.clone(), from_none));
+        // With the nominal model's numbers from either, and each effect without those that may have made good what the other fit lacked.
+        let best = &outcome.best;
+        let from_none = self.beside(&none, best);
+        likely.push((best.effects.clone(), from_none.clone()));
+        if best.effects.len() > 1 {
+            likely.extend(best.effects.iter().map(|&left_out| (best.all_but(left_out), self.without(left_out, &from_none))));
+        }
         for (effects, u) in likely {
             if let Some(hypothesis) = again(&effects, &u)? {
                 outcome.keep(&hypothesis);

@@ -156,6 +156,22 @@ fn what_slopes_of_settled_links_leave_out_is_no_evidence_for_an_effect() {
 }
 
 #[test]
+fn what_slopes_of_settled_links_leave_out_does_not_hide_an_effect() {
+    // As above, and a hard stop is off. With the coupling that is one effect too many, and alone it was far behind.
+    let effects = [("cable-stretch", [1, 0]), ("cable-coupling", [0, 1]), ("joint-offset", [0, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [soft, coupled, offset] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let moved = 0.066 * coupled + if links == Links::RolledOut { 1.5 * soft } else { 0.0 };
+        let row = |k: usize| (k as f64).sin() * (0.12 - moved) + (k as f64).cos() * 0.085 * (1.0 - offset);
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
+    let named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
+    assert_eq!(named, ["joint-offset"]);
+}
+
+#[test]
 fn a_soft_cable_is_found_where_creep_stands_in_for_it() {
     // A cable of a thirty-eighth of its stiffness, found with a third of its stretch to come, of which settled links say nothing.
     let places = [("cable-stretch", [2, 0]), ("creep", [2, 0])];
