@@ -18,19 +18,18 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub(super) fn look_closely(&self, outcome: &mut Outcome) -> Result<()> {
-        let gain = outcome.best.evidence - outcome.none.evidence;
-        if outcome.best.effects.is_empty() || gain > WITHIN_NATS {
+        let Some(leading) = self.leading(outcome) else { return Ok(()) };
+        if leading.evidence - outcome.none.evidence > WITHIN_NATS {
             return Ok(());
         }
         let again = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
         let Some(none) = again(&[], &outcome.none.u)? else { return Ok(()) };
-        let mut likely = self.as_likely(outcome);
+        let mut likely = self.as_likely(outcome, &leading);
         // With the nominal model's numbers from either, and each effect without those that may have made good what the other fit lacked.
-        let best = &outcome.best;
-        let from_none = self.beside(&none, best);
-        likely.push((best.effects.clone(), from_none.clone()));
-        if best.effects.len() > 1 {
-            likely.extend(best.effects.iter().map(|&left_out| (best.all_but(left_out), self.without(left_out, &from_none))));
+        let from_none = self.beside(&none, &leading);
+        likely.push((leading.effects.clone(), from_none.clone()));
+        if leading.effects.len() > 1 {
+            likely.extend(leading.effects.iter().map(|&left_out| (leading.all_but(left_out), self.without(left_out, &from_none))));
         }
         for (effects, u) in likely {
             if let Some(hypothesis) = again(&effects, &u)? {
@@ -48,9 +47,19 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Effects and numbers of the best hypothesis and of those with effects that are hardly behind it.
-    fn as_likely(&self, outcome: &Outcome) -> Vec<(Vec<usize>, Vec<f64>)> {
-        let best = &outcome.best;
+    /// The best hypothesis, or where that is none the one with effects beyond their scatter that has most evidence, if more than none.
+    fn leading(&self, outcome: &Outcome) -> Option<Hypothesis> {
+        if !outcome.best.effects.is_empty() {
+            return Some(outcome.best.clone());
+        }
+        let fitted = outcome.fitted.values().map(|(hypothesis, _)| hypothesis);
+        let better = fitted.filter(|h| !h.effects.is_empty() && h.evidence > outcome.none.evidence);
+        let beyond = better.filter(|h| self.lost_in_scatter(outcome, h).is_none());
+        beyond.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).cloned()
+    }
+
+    /// Effects and numbers of the `best` hypothesis and of those with effects that are hardly behind it.
+    fn as_likely(&self, outcome: &Outcome, best: &Hypothesis) -> Vec<(Vec<usize>, Vec<f64>)> {
         let fitted = outcome.fitted.values().map(|(hypothesis, _)| hypothesis);
         let mut near: Vec<&Hypothesis> =
             fitted.filter(|h| !h.effects.is_empty() && h.effects != best.effects && h.evidence > best.evidence - OTHERS_NATS).collect();
