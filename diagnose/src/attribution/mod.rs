@@ -243,8 +243,6 @@ fn named<'a>(outcome: &'a Outcome, probabilities: &[(Vec<usize>, f64)]) -> Optio
 fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution, &'a Hypothesis)> {
     let smallest = detectable::smallest(fitter, outcome)?;
     let mut probabilities = outcome.probabilities();
-    // Those that are lost in scatter are among the spurious.
-    unknown::with_beyond_scatter(&mut probabilities, |effects| !effects.is_empty() && outcome.fitted.contains_key(effects));
     let parts_unseen = smallest.iter().map(|smallest| (smallest.effect, smallest.part_unseen)).collect();
     let too_small = unknown::with_unseen(&mut probabilities, &parts_unseen, fitter.coordinates.sited.len());
     let named = named(outcome, &probabilities);

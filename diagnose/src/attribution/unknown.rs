@@ -12,16 +12,6 @@ pub(super) fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
     probabilities.iter().find(|(effects, _)| effects.is_empty()).map_or(0.0, |(_, p)| *p)
 }
 
-/// Makes hypotheses more probable whose effects were found beyond their scatter.
-pub(super) fn with_beyond_scatter(probabilities: &mut [(Vec<usize>, f64)], is_beyond: impl Fn(&[usize]) -> bool) {
-    for (set, probability) in probabilities.iter_mut() {
-        *probability *= if is_beyond(set) { prior::BEYOND_SCATTER } else { 1.0 };
-    }
-    let sum: f64 = probabilities.iter().map(|(_, p)| p).sum();
-    probabilities.iter_mut().for_each(|(_, p)| *p /= sum);
-    probabilities.sort_by(|a, b| b.1.total_cmp(&a.1));
-}
-
 /// Makes room for effects that are too small to show; returns their probability. `parts_unseen` are the parts of the effects' sizes that are,
 /// `effects` how many effects there are at their places. Such an effect leaves the evidence as it is without: so much of the probability of
 /// each alone is among them already.
@@ -59,17 +49,6 @@ mod tests {
         let unseen = with_unseen(&mut probabilities, &BTreeMap::from([(0, 1.0), (1, 1.0)]), 2);
         approx::assert_relative_eq!(probability_of_none(&probabilities), prior::log(0, 2).exp(), epsilon = 1e-9);
         approx::assert_relative_eq!(unseen, 1.0 - prior::log(0, 2).exp(), epsilon = 1e-9);
-    }
-
-    #[test]
-    fn effects_beyond_their_scatter_are_there_unless_the_evidence_says_little() {
-        for (evidence, is_there) in [(3.0, true), (0.5, false)] {
-            let mut probabilities = prior::probabilities([(vec![], 0.0), (vec![0], evidence), (vec![1], 0.0)].into_iter(), 80);
-            assert!(probability_of_none(&probabilities) > 0.5);
-            with_beyond_scatter(&mut probabilities, |set| set == [0]);
-            assert_eq!(probabilities[0].0 == [0], is_there, "{probabilities:?}");
-            approx::assert_relative_eq!(probabilities.iter().map(|(_, p)| p).sum::<f64>(), 1.0, epsilon = 1e-12);
-        }
     }
 
     #[test]

@@ -14,9 +14,9 @@ const OUTSIDE: [f64; 4] = [0.0, 0.03, 0.06, 0.7];
 /// the library.
 const OUTSIDE_IF_REMAINS: [f64; 4] = [0.9, 0.2, 0.4, 0.7];
 
-/// Odds of effects that are beyond their scatter over what their evidence alone gives them, which takes torque to err by one per cent for a fifth of
-/// a second. Of six recordings of the virtual lab where they had 2 to 4 nats beside none five held them, and one where they had
-/// less held nothing.
+/// Odds of effects that are beyond their scatter over what their evidence alone gives them, which takes torque to err by one per cent for a fifth
+/// of a second. Of six recordings of the virtual lab where they had 2 to 4 nats beside none five held them, and one where they had less held
+/// nothing.
 pub const BEYOND_SCATTER: f64 = 10.0;
 
 /// Probability that a cause is not in the library where it takes so many effects `at_one_place` and something remains beside them, or not.

@@ -32,6 +32,7 @@ const SPARED: f64 = 0.1;
 const STEP_MIN_S: f64 = 2e-5;
 
 /// Recordings of one robot, and how much each residual weighs.
+#[derive(Clone)]
 pub struct Rows<'a> {
     robot: &'a Robot,
     cameras: Option<&'a Cameras>,
@@ -136,7 +137,7 @@ impl<'a> Rows<'a> {
         if (0..3).all(|j| found[j] <= MORE_FRICTION * assumed[j]) {
             return Ok(None);
         }
-        Ok(Some(Self { torque_weight: self.weighed(&arm), rubbing: arm, whiten: self.whiten.clone(), loose: self.loose.clone(), ..*self }))
+        Ok(Some(Self { torque_weight: self.weighed(&arm), rubbing: arm, ..self.clone() }))
     }
 
     /// Inverse deviations of torque samples where the friction of `arm` is what is in doubt near rest.
@@ -149,15 +150,7 @@ impl<'a> Rows<'a> {
     /// its recording and time [s]; an infinite one takes it out.
     #[must_use]
     pub fn inflated(&self, inflation: impl Fn(usize, f64) -> Inflation) -> Self {
-        let mut rows = Self {
-            robot: self.robot,
-            cameras: self.cameras,
-            data: self.data,
-            whiten: self.whiten.clone(),
-            torque_weight: self.torque_weight.clone(),
-            loose: self.loose.clone(),
-            rubbing: self.rubbing.clone(),
-        };
+        let mut rows = self.clone();
         for (r, data) in self.data.iter().enumerate() {
             for (sight, whiten) in data.sights.iter().zip(&mut rows.whiten[r]) {
                 *whiten /= inflation(r, sight.stamp_s).tip;

@@ -52,10 +52,13 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Probability of every hypothesis looked at, most probable first.
+    /// Probability of every hypothesis looked at, most probable first. Of those that were fitted the ones with an effect that is lost in scatter
+    /// are among the spurious.
     #[must_use]
     pub fn probabilities(&self) -> Vec<(Vec<usize>, f64)> {
-        prior::probabilities(self.known().map(|(effects, evidence)| (effects.clone(), evidence)), self.effects)
+        let is_beyond_scatter = |effects: &Vec<usize>| !effects.is_empty() && self.fitted.contains_key(effects);
+        let odds = |effects: &Vec<usize>| if is_beyond_scatter(effects) { prior::BEYOND_SCATTER } else { 1.0 };
+        prior::probabilities(self.known().map(|(effects, evidence)| (effects.clone(), evidence + odds(effects).ln())), self.effects)
     }
 
     /// Every hypothesis looked at, with its evidence [nat].
@@ -347,5 +350,44 @@ impl Fitter<'_> {
             }
         }
         Ok(best)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+
+    #[test]
+    fn effects_beyond_their_scatter_are_there_unless_the_evidence_says_little() {
+        let hypothesis = |effects: Vec<usize>, evidence| Hypothesis {
+            effects,
+            u: Vec::new(),
+            free: Vec::new(),
+            covariance: DMatrix::zeros(0, 0),
+            evidence,
+            residuals: Vec::new(),
+            columns: Vec::new(),
+        };
+        for (evidence, is_there) in [(3.0, true), (0.5, false)] {
+            let none = hypothesis(Vec::new(), 0.0);
+            let fitted = [none.clone(), hypothesis(vec![0], evidence)].map(|h| (h.effects.clone(), (h.clone(), h.evidence)));
+            let outcome = Outcome {
+                best: none.clone(),
+                none,
+                leftover: Leftover::none(),
+                fitted: fitted.into(),
+                spurious: BTreeMap::new(),
+                screened: [(vec![1], 0.0)].into(),
+                screens: BTreeMap::new(),
+                effects: 80,
+            };
+            let by_evidence = prior::probabilities([(vec![], 0.0), (vec![0], evidence), (vec![1], 0.0)].into_iter(), 80);
+            assert!(by_evidence[0].0.is_empty() && by_evidence[0].1 > 0.5);
+            let probabilities = outcome.probabilities();
+            assert_eq!(probabilities[0].0 == [0], is_there, "{probabilities:?}");
+            approx::assert_relative_eq!(probabilities.iter().map(|(_, p)| p).sum::<f64>(), 1.0, epsilon = 1e-12);
+        }
     }
 }

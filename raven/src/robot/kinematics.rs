@@ -108,15 +108,9 @@ impl Kinematics {
     /// Jacobian of [`Self::forward`], 3x3 [m/rad, m/rad, 1].
     #[must_use]
     pub fn jacobian(&self, joint: &Vector3<f64>) -> Matrix3<f64> {
-        self.forward_and_jacobian(joint).1
-    }
-
-    /// [`Self::forward`] and [`Self::jacobian`] in one go.
-    #[must_use]
-    pub fn forward_and_jacobian(&self, joint: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
         let ([z1, z2, z3], _) = self.axes(joint);
         let tip = z3 * (joint[2] + self.wrist_offset);
-        (tip, Matrix3::from_columns(&[z1.cross(&tip), z2.cross(&tip), z3]))
+        Matrix3::from_columns(&[z1.cross(&tip), z2.cross(&tip), z3])
     }
 
     /// Joint angles [rad, rad, m] that bring the tracked point to `tip` [m, frame 0], with the elbow between 0 and 180 deg.
