@@ -149,17 +149,20 @@ impl<'a> BenchModel<'a> {
         let still = |tension: &Vector3<f64>| Vector3::from_fn(|j, _| self.cables[j].static_stretch_m(tension[j]));
         let time_constant_s =
             Vector3::from_fn(|j, _| Some(self.cables[j]).filter(|cable| cable.damping > 0.0).map_or(0.0, |c| c.damping / c.stiffness));
-        let mut before: Option<(f64, Vector3<f64>)> = None;
+        let mut before: Option<(f64, Vector3<f64>, Vector3<f64>)> = None;
         let stretched = |(&time_s, tension): (&f64, &Vector3<f64>)| {
             let target = still(tension);
-            let now = match before.filter(|(t, _)| time_s - t <= PAUSE_MAX_S) {
-                Some((t, last)) => Vector3::from_fn(|j, _| {
-                    let kept = if time_constant_s[j] > 0.0 { (-(time_s - t) / time_constant_s[j]).exp() } else { 0.0 };
-                    target[j] + (last[j] - target[j]) * kept
+            let now = match before.filter(|(t, ..)| time_s - t <= PAUSE_MAX_S) {
+                // Behind a target that moves steadily, by as far as it moves within the time constant in the end.
+                Some((t, last_target, last)) => Vector3::from_fn(|j, _| {
+                    let in_time_constants = (time_s - t) / time_constant_s[j];
+                    let kept = (-in_time_constants).exp();
+                    let behind = (target[j] - last_target[j]) / in_time_constants;
+                    target[j] - behind + (last[j] - last_target[j] + behind) * kept
                 }),
                 None => target,
             };
-            before = Some((time_s, now));
+            before = Some((time_s, target, now));
             now
         };
         Tension { time_s: tension_n.time_s.clone(), value: tension_n.time_s.iter().zip(&tension_n.value).map(stretched).collect() }
@@ -185,6 +188,33 @@ impl Tension {
             (Some((t0, v0)), Some((t1, v1))) => v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)),
             (Some((_, v)), None) | (None, Some((_, v))) => v,
             (None, None) => Vector3::zeros(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Robot;
+
+    #[test]
+    fn a_damped_cable_stretches_later_by_its_time_constant_however_seldom_it_is_looked_at() {
+        let gold = crate::robot::nominal::GOLD_YAML;
+        let text = format!(
+            "format: raven-robot/1\nname: slide\nkinematics: {{kind: bench}}\nsource: {{topic: /motor/joint_states, format: joint_state}}\njoints:\n  - {{name: carriage, type: prismatic, \
+             gear_ratio: 1.0, motor_capstan_radius: 1.0, link_pulley_radius: 1.0, cable: {{stiffness: 5000.0, damping: 30.0}}, \
+             motor: {{inertia: 5.0, coulomb_friction: 0.0, viscous_friction: 0.0}}}}\n{}",
+            &gold[gold.find("tolerances:").unwrap()..]
+        );
+        let robot = Robot::parse(std::path::Path::new("slide.yaml"), &text).unwrap();
+        let model = Model::new(&robot, None).unwrap();
+        let bench = BenchModel::new(&model, Vector3::repeat(1e-3)).unwrap();
+        for step_s in [0.001, 0.02] {
+            let time_s: Vec<f64> = (0..).map(|k| f64::from(k) * step_s).take_while(|t| *t < 0.5).collect();
+            let value = time_s.iter().map(|t| Vector3::x() * (100.0 * t)).collect();
+            let stretched = bench.stretch_m(&Tension { time_s, value }).at(0.4)[0];
+            // 100 N/s on 10 kN/m, six milliseconds behind.
+            approx::assert_relative_eq!(stretched, 0.01 * (0.4 - 0.006), max_relative = 1e-3);
         }
     }
 }
