@@ -167,7 +167,7 @@ impl LinkModel {
         LinkState { anchor: self.slid(&reached, &(motor + motor_rate * step_s)), ..reached }
     }
 
-    /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within a millisecond share
+    /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within two milliseconds share
     /// their rigid-body terms. A cable that stiffens asks for more steps the harder it is pulled: where they were too few, for finer ones.
     #[must_use]
     pub fn advance(&self, state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
@@ -188,7 +188,7 @@ impl LinkModel {
     fn in_steps(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64, steps: f64) -> LinkState {
         let mut state = *state;
         let step_s = duration_s / steps;
-        let (steps, sharing) = (steps as usize, (1e-3 / step_s).round().max(1.0) as usize);
+        let (steps, sharing) = (steps as usize, (RIGID_S / step_s).round().max(1.0) as usize);
         for first in (0..steps).step_by(sharing) {
             let last = (first + sharing).min(steps);
             let body = self.rigid_body_ahead(&state, 0.5 * (last - first) as f64 * step_s);
@@ -241,7 +241,10 @@ impl LinkModel {
 }
 
 /// Product of pole and step up to which order-four Runge-Kutta is accurate; it is stable up to 2.78.
-const RUNGE_KUTTA_REACH: f64 = 2.0;
+const RUNGE_KUTTA_REACH: f64 = 2.2;
+
+/// Time over which steps share their rigid-body terms [s].
+const RIGID_S: f64 = 2e-3;
 
 /// Longest step, and the shortest that is tried [s]: what asks for shorter ones does not stay finite, instead of taking for ever.
 const STEP_MAX_S: f64 = 1e-3;
