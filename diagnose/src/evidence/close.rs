@@ -6,6 +6,7 @@
 use raven::Result;
 
 use super::fit::{Fitter, Following, Hypothesis};
+use super::lost::LOST_NATS;
 use super::search::{Outcome, WITHIN_NATS};
 
 /// Others that are as near the best as this [nat] are fitted too, so many of them at most.
@@ -24,7 +25,7 @@ impl Fitter<'_> {
         }
         let again = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
         let Some(none) = again(&[], &outcome.none.u)? else { return Ok(()) };
-        let mut likely = self.as_likely(outcome, &leading);
+        let mut likely = self.as_likely(outcome, &leading, &none);
         // With the nominal model's numbers from either, and each effect without those that may have made good what the other fit lacked.
         let from_none = self.beside(&none, &leading);
         likely.push((leading.effects.clone(), from_none.clone()));
@@ -58,13 +59,16 @@ impl Fitter<'_> {
         beyond.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).cloned()
     }
 
-    /// Effects and numbers of the `best` hypothesis and of those with effects that are hardly behind it.
-    fn as_likely(&self, outcome: &Outcome, best: &Hypothesis) -> Vec<(Vec<usize>, Vec<f64>)> {
-        let fitted = outcome.fitted.values().map(|(hypothesis, _)| hypothesis);
-        let mut near: Vec<&Hypothesis> =
-            fitted.filter(|h| !h.effects.is_empty() && h.effects != best.effects && h.evidence > best.evidence - OTHERS_NATS).collect();
-        near.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        [best].into_iter().chain(near.into_iter().take(OTHERS_MAX)).map(|h| (h.effects.clone(), h.u.clone())).collect()
+    /// Effects and numbers of the `best` hypothesis and of those with effects that are hardly behind it, or would not be if they had not been
+    /// lost on the way to where `none` is.
+    fn as_likely(&self, outcome: &Outcome, best: &Hypothesis, none: &Hypothesis) -> Vec<(Vec<usize>, Vec<f64>)> {
+        let with_effects = outcome.fitted.values().map(|(h, _)| h).filter(|h| !h.effects.is_empty() && h.effects != best.effects);
+        let mut near: Vec<(&Hypothesis, f64)> = with_effects.map(|h| (h, self.lost_nats(h, none))).collect();
+        near.retain(|(h, lost)| h.evidence + lost > best.evidence - OTHERS_NATS);
+        near.sort_by(|(a, lost_a), (b, lost_b)| (b.evidence + lost_b).total_cmp(&(a.evidence + lost_a)));
+        let from = |(h, lost): (&Hypothesis, f64)| if lost > LOST_NATS { self.beside(none, h) } else { h.u.clone() };
+        let near = near.into_iter().take(OTHERS_MAX).map(|known| (known.0.effects.clone(), from(known)));
+        [(best.effects.clone(), best.u.clone())].into_iter().chain(near).collect()
     }
 
     /// Numbers of the nominal model as one hypothesis has them, effects as another does.

@@ -8,6 +8,8 @@
 //!
 //! A soft cable is fitted on by slopes of rolled-out links before anything is looked for beside it, and what an effect is known to stand in for is
 //! fitted from the values that do about the same: from far away a soft cable's slopes lead anywhere, but creep that is over within seconds is one.
+//!
+//! A hypothesis with more effects can be where one with fewer is. Where it is farther from the recordings it is fitted again from there.
 
 use raven::Result;
 use raven::effects::{Effect, Scale, Sited};
@@ -15,8 +17,11 @@ use rayon::prelude::*;
 
 use super::fit::{Fitter, Following, Hypothesis};
 use super::leftover::ACCOUNTED;
+use super::linear::dot;
 use super::search::Outcome;
 
+/// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
+pub(super) const LOST_NATS: f64 = 1.0;
 /// Effects that are fitted again: the best so far.
 const AGAIN: usize = 2;
 /// Starts of each: some, evenly spread over those of the screen.
@@ -29,6 +34,15 @@ const SOFT: f64 = 0.1;
 const CLOSELY: usize = 2;
 
 impl Fitter<'_> {
+    /// By how much a hypothesis is worse than at the numbers of a poorer one, which are among its own [nat].
+    pub(super) fn lost_nats(&self, richer: &Hypothesis, poorer: &Hypothesis) -> f64 {
+        let cost = |at: &Hypothesis| {
+            let prior = |&c: &usize| self.prior(c, &richer.effects).map_or(0.0, |t| (at.u[c] / t).powi(2));
+            0.5 * (dot(&at.residuals, &at.residuals) + richer.free.iter().map(prior).sum::<f64>())
+        };
+        (cost(richer) - cost(poorer)).max(0.0)
+    }
+
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
         if self.stood_in(outcome)? {

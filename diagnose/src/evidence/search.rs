@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::coordinates::ABSENT;
 use super::fit::{Fitter, Hypothesis, STRAINED};
 use super::leftover::Leftover;
+use super::lost::LOST_NATS;
 use super::prior;
 use super::rows::Links;
 use super::screen::Candidate;
@@ -224,7 +225,8 @@ impl Fitter<'_> {
     fn beside_none(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
         let none = outcome.none.clone();
         let mut hopeful = self.screen(&none, none.evidence)?;
-        hopeful.retain(|c| c.evidence > none.evidence + HOPE_NATS && !outcome.fitted.contains_key(&c.effects));
+        let lost = |(h, _): &(Hypothesis, f64)| self.lost_nats(h, &none) > LOST_NATS;
+        hopeful.retain(|c| c.evidence > none.evidence + HOPE_NATS && outcome.fitted.get(&c.effects).is_none_or(lost));
         let other = self.refitted(outcome, hopeful, &REPLACEMENTS, &none)?;
         Ok(other.filter(|other| other.evidence > best.evidence).unwrap_or(best))
     }
@@ -302,8 +304,8 @@ impl Fitter<'_> {
     /// Fits a candidate. With one more effect than `from` it can do no worse: where it got lost on the way it starts again from there.
     fn fitted_at_least(&self, candidate: &Candidate, like: &Hypothesis, from: &Hypothesis) -> Result<Option<Hypothesis>> {
         let first = self.fit(&candidate.effects, &candidate.start, Some(like))?;
-        let lost = first.as_ref().is_none_or(|h| h.evidence < from.evidence - WITHIN_NATS);
-        if !lost || !from.effects.iter().all(|effect| candidate.effects.contains(effect)) {
+        let is_richer = from.effects.iter().all(|effect| candidate.effects.contains(effect));
+        if !is_richer || first.as_ref().is_some_and(|h| self.lost_nats(h, from) < LOST_NATS) {
             return Ok(first);
         }
         let again = self.fit(&candidate.effects, &from.u, Some(from))?;

@@ -111,6 +111,14 @@ fn a_size_that_trades_with_its_shape_is_beyond_scatter() {
 }
 
 #[test]
+fn a_size_that_does_ever_less_is_beyond_scatter() {
+    // Hardly anything is known of the size but that it is not small.
+    let saturates = moved_by(|u| 0.1 * (1.0 - (-5.0 * u[0]).exp()), 0.095, f64::NEG_INFINITY);
+    let (is_beyond, deviations) = Seen::new(&[("payload", [0, 0])], saturates).is_beyond_scatter();
+    assert!(is_beyond && deviations < 1.9, "{deviations}");
+}
+
+#[test]
 fn a_shape_that_nothing_is_known_of_is_no_effect() {
     for (moved, is_there) in [(0.5, true), (0.0, false)] {
         let stiffened = moved_by(|u| (-2.0 * u[0]).exp(), moved, f64::NEG_INFINITY);
@@ -169,6 +177,29 @@ fn what_slopes_of_settled_links_leave_out_does_not_hide_an_effect() {
     let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
     let named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
     assert_eq!(named, ["joint-offset"]);
+}
+
+#[test]
+fn an_effect_that_was_lost_is_found_where_the_nominal_model_has_come_to() {
+    // Slopes lead past three and a half tolerances of a coupling, where all is well, unless the tolerance holds them back.
+    let places = [("cable-coupling", [0, 1])];
+    let nothing = Seen::new(&places, |_: &[Option<&[f64]>], _| vec![0.0; ROWS]);
+    let spike = Coordinates::new(&nothing.robot, &nothing).all[0].spike.unwrap();
+    let rows = Seen::new(&places, |numbers: &[Option<&[f64]>], _| {
+        let tolerances = numbers[0].map_or(0.0, |u| u[0]) / spike;
+        let [missed, elsewhere] = [0.019 * (7.0 - tolerances), 0.12 * (1.0 - (-2.0 * (tolerances - 3.5).powi(2)).exp())];
+        let row = |k: usize| (k as f64).sin() * missed + (k as f64).cos() * elsewhere;
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let outcome = fitter.search(|| {}).unwrap().unwrap();
+    let (found, _) = &outcome.fitted[&vec![0]];
+    approx::assert_relative_eq!(found.u[0] / spike, 3.5, epsilon = 0.5);
+    assert!(found.evidence > outcome.none.evidence, "{} {}", found.evidence, outcome.none.evidence);
+    let astray = fitter.fit(&[0], &fitter.nowhere(), None).unwrap().unwrap();
+    assert!(astray.u[0] > 6.0 * spike && fitter.lost_nats(&astray, &outcome.none) > 5.0, "{:?}", astray.u);
+    assert!(fitter.lost_nats(found, &outcome.none) < 1e-6);
 }
 
 #[test]
