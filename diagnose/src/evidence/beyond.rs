@@ -2,11 +2,12 @@
 //!
 //! Evidence takes rows to err independently, and promises too much where they do not. A size is held against none, family-wise over the
 //! library and over what the effect was looked for with (Bonferroni). Without the effect a shape says nothing: a size counts as it scatters at
-//! the shape that was found. An effect that has a shape alone, or lets a joint float so that slopes say nothing of it, is held against the
-//! hypothesis without it, by the root of twice the ratio of their likelihoods (Wilks 1938), as far as blocks of time allow.
+//! the shape that was found. An effect is held against the hypothesis without it as well, by twice the ratio of their likelihoods (Wilks 1938)
+//! as far as blocks of time allow, which takes the same number in whatever terms: one of the two has to be beyond. Where an effect has a shape
+//! alone, or lets a joint float so that slopes say nothing of it, that ratio alone tells.
 
 use nalgebra::DVector;
-use raven::stats::normal_quantile;
+use raven::stats::{chi_square_quantile, normal_quantile};
 
 use super::fit::{Fitter, Hypothesis};
 use super::paired;
@@ -28,21 +29,26 @@ impl Fitter<'_> {
         let (own, others): (Vec<usize>, Vec<usize>) = (0..free.len()).partition(is_own);
         let sizes: Vec<usize> = own.iter().copied().filter(|&k| self.scale(free[k]).is_size()).collect();
         let shaped = own.len() > sizes.len();
-        let beyond = |looks: usize| normal_quantile(1.0 - 0.5 * FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64);
-        if sizes.is_empty() || self.is_loose(effect) {
-            if let Some((without, _)) = outcome.fitted.get(&hypothesis.all_but(effect)) {
-                let ratio = self.likelihood_ratio(hypothesis, without);
-                return own.is_empty() || (2.0 * ratio).max(0.0).sqrt() > beyond(self.shapes_looked_at(effect));
-            }
-            if sizes.is_empty() {
+        let chance = |looks: usize| FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64;
+        let shapes = self.shapes_looked_at(effect);
+        if let Some((without, _)) = outcome.fitted.get(&hypothesis.all_but(effect)) {
+            let ratio = self.likelihood_ratio(hypothesis, without);
+            let beyond = chi_square_quantile(sizes.len().max(1), 1.0 - chance(shapes)).unwrap_or(f64::INFINITY);
+            if own.is_empty() || 2.0 * ratio > beyond {
                 return true;
             }
+            if sizes.is_empty() || self.is_loose(effect) {
+                return false;
+            }
+        }
+        if sizes.is_empty() {
+            return true;
         }
         let kept: Vec<usize> = sizes.iter().chain(&others).copied().collect();
         let columns: Vec<&[f64]> = kept.iter().map(|&k| hypothesis.columns[k].as_slice()).collect();
         let coordinates: Vec<usize> = kept.iter().map(|&k| free[k]).collect();
         let precision: DVector<f64> = self.precision(&coordinates, &hypothesis.effects);
-        let beyond = beyond(if shaped { self.shapes_looked_at(effect) } else { sizes.len() });
+        let beyond = normal_quantile(1.0 - 0.5 * chance(if shaped { shapes } else { sizes.len() }));
         let scatter = self.scatter(&columns, &hypothesis.residuals, &precision).unwrap_or_default();
         sizes.iter().zip(scatter).any(|(&k, deviation)| hypothesis.u[free[k]].abs() > beyond * deviation)
     }
