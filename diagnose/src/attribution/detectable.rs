@@ -71,7 +71,7 @@ impl Smallest {
 pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smallest>> {
     let (rows, coordinates, none) = (fitter.rows, fitter.coordinates, &outcome.none);
     let count = coordinates.sited.len();
-    let odds = prior::log(0, count) - prior::log(1, count);
+    let odds = prior::log(0, count) - prior::log_beyond_scatter(1, count);
     let all: Vec<&[f64]> = none.columns.iter().map(|column| column.as_slice()).collect();
     let mut curvature = gram(&all);
     for (k, &c) in none.free.iter().enumerate() {

@@ -45,7 +45,8 @@ mod tests {
     #[test]
     fn recordings_that_say_nothing_leave_none_as_probable_as_it_was() {
         // Two effects, of which no size can show: the evidence of each is that of none.
-        let mut probabilities = prior::probabilities([vec![], vec![0], vec![1]].map(|set| (set, -7.0)).into_iter(), 2);
+        let mut probabilities =
+            prior::probabilities([vec![], vec![0], vec![1]].map(|set: Vec<usize>| (set.clone(), prior::log(set.len(), 2))).into_iter());
         let unseen = with_unseen(&mut probabilities, &BTreeMap::from([(0, 1.0), (1, 1.0)]), 2);
         approx::assert_relative_eq!(probability_of_none(&probabilities), prior::log(0, 2).exp(), epsilon = 1e-9);
         approx::assert_relative_eq!(unseen, 1.0 - prior::log(0, 2).exp(), epsilon = 1e-9);
@@ -53,7 +54,7 @@ mod tests {
 
     #[test]
     fn an_effect_that_shows_stays_as_it_is() {
-        let mut probabilities = prior::probabilities([(vec![], 0.0), (vec![0], 20.0)].into_iter(), 80);
+        let mut probabilities = prior::probabilities([(vec![], 0.0), (vec![0], 20.0 + prior::log(1, 80))].into_iter());
         with_unseen(&mut probabilities, &BTreeMap::from([(0, 0.3)]), 80);
         assert!(probabilities[0].0 == [0] && probabilities[0].1 > 0.999_99, "{probabilities:?}");
         let sited = |id, joint| Sited::at(&nominal::gold(), id, joint).unwrap();

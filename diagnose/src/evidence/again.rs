@@ -36,7 +36,7 @@ impl Fitter<'_> {
 
     /// Effects of hypotheses that came near the best, with where they were: at least what is left of it without each of its effects.
     fn near(&self, before: &Outcome, best: &Hypothesis) -> Vec<(Vec<usize>, Vec<f64>)> {
-        let score = |(h, evidence): &(Hypothesis, f64)| evidence + prior::log(h.effects.len(), before.effects);
+        let score = |(h, evidence): &(Hypothesis, f64)| evidence + prior::log_beyond_scatter(h.effects.len(), before.effects);
         let reached = before.fitted.get(&best.effects).map_or(f64::NEG_INFINITY, score);
         let is_part = |h: &Hypothesis| h.effects.iter().all(|e| best.effects.contains(e));
         let mut near: Vec<&(Hypothesis, f64)> =

@@ -14,10 +14,9 @@ const OUTSIDE: [f64; 4] = [0.0, 0.03, 0.06, 0.7];
 /// the library.
 const OUTSIDE_IF_REMAINS: [f64; 4] = [0.9, 0.2, 0.4, 0.7];
 
-/// Odds of effects that are beyond their scatter over what their evidence alone gives them, which takes torque to err by one per cent for a fifth
-/// of a second. Of six recordings of the virtual lab where they had 2 to 4 nats beside none five held them, and one where they had less held
-/// nothing.
-pub const BEYOND_SCATTER: f64 = 10.0;
+/// Odds of an effect that is beyond its scatter over what its evidence alone gives it, which takes torque to err by one per cent for a fifth of a
+/// second. Of six recordings of the virtual lab where one had 2 to 4 nats beside none five held it, and one where it had less held nothing.
+const BEYOND_SCATTER: f64 = 10.0;
 
 /// Probability that a cause is not in the library where it takes so many effects `at_one_place` and something remains beside them, or not.
 #[must_use]
@@ -33,10 +32,16 @@ pub fn log(count: usize, effects: usize) -> f64 {
     OF_COUNT.get(count).map_or(f64::NEG_INFINITY, |p| p.ln() - sets.max(1.0).ln())
 }
 
-/// Probabilities of hypotheses from their evidence [nat], most probable first.
+/// The same of effects that are all beyond their scatter.
 #[must_use]
-pub fn probabilities(evidence: impl Iterator<Item = (Vec<usize>, f64)>, effects: usize) -> Vec<(Vec<usize>, f64)> {
-    let mut all: Vec<(Vec<usize>, f64)> = evidence.map(|(set, z)| (log(set.len(), effects) + z, set)).map(|(l, set)| (set, l)).collect();
+pub fn log_beyond_scatter(count: usize, effects: usize) -> f64 {
+    log(count, effects) + count as f64 * BEYOND_SCATTER.ln()
+}
+
+/// Probabilities of hypotheses from their evidence with the logarithm of their prior [nat], most probable first.
+#[must_use]
+pub fn probabilities(all: impl Iterator<Item = (Vec<usize>, f64)>) -> Vec<(Vec<usize>, f64)> {
+    let mut all: Vec<(Vec<usize>, f64)> = all.collect();
     let highest = all.iter().map(|(_, l)| *l).fold(f64::NEG_INFINITY, f64::max);
     all.iter_mut().for_each(|(_, l)| *l = (*l - highest).exp());
     let sum: f64 = all.iter().map(|(_, p)| p).sum();

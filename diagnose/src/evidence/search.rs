@@ -57,9 +57,11 @@ impl Outcome {
     /// are among the spurious.
     #[must_use]
     pub fn probabilities(&self) -> Vec<(Vec<usize>, f64)> {
-        let is_beyond_scatter = |effects: &Vec<usize>| !effects.is_empty() && self.fitted.contains_key(effects);
-        let odds = |effects: &Vec<usize>| if is_beyond_scatter(effects) { prior::BEYOND_SCATTER } else { 1.0 };
-        prior::probabilities(self.known().map(|(effects, evidence)| (effects.clone(), evidence + odds(effects).ln())), self.effects)
+        let prior = |effects: &Vec<usize>| {
+            let of = if self.fitted.contains_key(effects) { prior::log_beyond_scatter } else { prior::log };
+            of(effects.len(), self.effects)
+        };
+        prior::probabilities(self.known().map(|(effects, evidence)| (effects.clone(), evidence + prior(effects))))
     }
 
     /// Every hypothesis looked at, with its evidence [nat].
@@ -385,8 +387,7 @@ mod tests {
                 screens: BTreeMap::new(),
                 effects: 80,
             };
-            let by_evidence = prior::probabilities([(vec![], 0.0), (vec![0], evidence), (vec![1], 0.0)].into_iter(), 80);
-            assert!(by_evidence[0].0.is_empty() && by_evidence[0].1 > 0.5);
+            assert!(prior::log(0, 80) > prior::log(1, 80) + evidence);
             let probabilities = outcome.probabilities();
             assert_eq!(probabilities[0].0 == [0], is_there, "{probabilities:?}");
             approx::assert_relative_eq!(probabilities.iter().map(|(_, p)| p).sum::<f64>(), 1.0, epsilon = 1e-12);
