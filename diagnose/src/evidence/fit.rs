@@ -147,6 +147,11 @@ impl Fitter<'_> {
         self.coordinates.parameter(c).scale
     }
 
+    /// A coordinate over its prior deviation under a hypothesis, squared; 0 if it is not free.
+    pub(super) fn over_prior_squared(&self, c: usize, u: f64, effects: &[usize]) -> f64 {
+        self.prior(c, effects).map_or(0.0, |t| (u / t).powi(2))
+    }
+
     /// Prior precisions of coordinates that are free under a hypothesis.
     #[must_use]
     pub fn precision(&self, free: &[usize], effects: &[usize]) -> DVector<f64> {

@@ -83,10 +83,9 @@ impl Fitter<'_> {
     #[must_use]
     pub fn accounted(&self, none: &Hypothesis, hypothesis: &Hypothesis) -> f64 {
         let misfit = |h: &Hypothesis| {
-            let prior = |&c: &usize| self.prior(c, &h.effects).map_or(0.0, |t| (h.u[c] / t).powi(2));
             let rows = h.residuals.iter().filter(|r| **r != 0.0).count() as f64;
             let excess = (dot(&h.residuals, &h.residuals) - rows).max(0.0);
-            excess + h.free.iter().map(prior).sum::<f64>()
+            excess + h.free.iter().map(|&c| self.over_prior_squared(c, h.u[c], &h.effects)).sum::<f64>()
         };
         1.0 - misfit(hypothesis) / misfit(none)
     }

@@ -37,8 +37,8 @@ impl Fitter<'_> {
     /// By how much a hypothesis is worse than at the numbers of a poorer one, which are among its own [nat].
     pub(super) fn lost_nats(&self, richer: &Hypothesis, poorer: &Hypothesis) -> f64 {
         let cost = |at: &Hypothesis| {
-            let prior = |&c: &usize| self.prior(c, &richer.effects).map_or(0.0, |t| (at.u[c] / t).powi(2));
-            0.5 * (dot(&at.residuals, &at.residuals) + richer.free.iter().map(prior).sum::<f64>())
+            let prior: f64 = richer.free.iter().map(|&c| self.over_prior_squared(c, at.u[c], &richer.effects)).sum();
+            0.5 * (dot(&at.residuals, &at.residuals) + prior)
         };
         (cost(richer) - cost(poorer)).max(0.0)
     }

@@ -240,7 +240,7 @@ impl Fitter<'_> {
     /// price of their strain, and is lost if it is farther behind; where they are not, it may be if it is hardly behind.
     fn fitted_as(&self, hypothesis: &Hypothesis, better: &Hypothesis) -> Result<Option<Hypothesis>> {
         let behind = better.evidence - hypothesis.evidence;
-        let strain = |c: usize, h: &Hypothesis| self.prior(c, &h.effects).map_or(0.0, |t| 0.5 * (better.u[c] / t).powi(2));
+        let strain = |c: usize, h: &Hypothesis| 0.5 * self.over_prior_squared(c, better.u[c], &h.effects);
         let price: f64 = hypothesis.free.iter().map(|&c| strain(c, hypothesis) - strain(c, better)).sum();
         // How things stood as the recording began is nothing to go by.
         let may_lack = |c: usize| hypothesis.free.contains(&c) || self.scale(c).is_state();
