@@ -6,7 +6,6 @@ use raven::Result;
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Hypothesis};
-use super::prior;
 use super::search::{Outcome, REFITTED, WITHIN_NATS};
 
 impl Fitter<'_> {
@@ -36,7 +35,7 @@ impl Fitter<'_> {
 
     /// Effects of hypotheses that came near the best, with where they were: at least what is left of it without each of its effects.
     fn near(&self, before: &Outcome, best: &Hypothesis) -> Vec<(Vec<usize>, Vec<f64>)> {
-        let score = |(h, evidence): &(Hypothesis, f64)| evidence + prior::log_beyond_scatter(h.effects.len(), before.effects);
+        let score = |(h, evidence): &(Hypothesis, f64)| before.score(h, *evidence);
         let reached = before.fitted.get(&best.effects).map_or(f64::NEG_INFINITY, score);
         let is_part = |h: &Hypothesis| h.effects.iter().all(|e| best.effects.contains(e));
         let mut near: Vec<&(Hypothesis, f64)> =

@@ -27,28 +27,35 @@ impl Fitter<'_> {
         // What the nominal model knows no better than the effect does is among the others.
         let is_own = |&k: &usize| self.coordinates.all[free[k]].effect == effect && !self.coordinates.all[free[k]].is_unknown();
         let (own, others): (Vec<usize>, Vec<usize>) = (0..free.len()).partition(is_own);
-        let sizes: Vec<usize> = own.iter().copied().filter(|&k| self.scale(free[k]).is_size()).collect();
-        let shaped = own.len() > sizes.len();
-        let chance = |looks: usize| FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64;
-        let shapes = self.shapes_looked_at(effect);
-        if let Some((without, _)) = outcome.fitted.get(&hypothesis.all_but(effect)) {
-            let ratio = self.likelihood_ratio(hypothesis, without);
-            let beyond = chi_square_quantile(sizes.len().max(1), 1.0 - chance(shapes)).unwrap_or(f64::INFINITY);
-            if own.is_empty() || 2.0 * ratio > beyond {
-                return true;
-            }
-            if sizes.is_empty() || self.is_loose(effect) {
-                return false;
-            }
-        }
-        if sizes.is_empty() {
+        if own.is_empty() {
             return true;
         }
-        let kept: Vec<usize> = sizes.iter().chain(&others).copied().collect();
+        let sizes: Vec<usize> = own.iter().copied().filter(|&k| self.scale(free[k]).is_size()).collect();
+        let shapes = self.shapes_looked_at(effect);
+        let chance = |looks: usize| FALSE_CHANCE / (self.coordinates.sited.len() * looks) as f64;
+        let is_likelier = outcome.fitted.get(&hypothesis.all_but(effect)).map(|(without, _)| {
+            let beyond = chi_square_quantile(sizes.len().max(1), 1.0 - chance(shapes)).unwrap_or(f64::INFINITY);
+            2.0 * self.likelihood_ratio(hypothesis, without) > beyond
+        });
+        match is_likelier {
+            Some(true) => true,
+            Some(false) if sizes.is_empty() || self.is_loose(effect) => false,
+            None if sizes.is_empty() => true,
+            _ => {
+                let shaped = own.len() > sizes.len();
+                let beyond = normal_quantile(1.0 - 0.5 * chance(if shaped { shapes } else { sizes.len() }));
+                self.is_any_beyond(hypothesis, &sizes, &others, beyond)
+            }
+        }
+    }
+
+    /// Whether any of `sizes` is so many of its deviations from none beside the `others`, all of which are among the free coordinates.
+    fn is_any_beyond(&self, hypothesis: &Hypothesis, sizes: &[usize], others: &[usize], beyond: f64) -> bool {
+        let free = &hypothesis.free;
+        let kept: Vec<usize> = sizes.iter().chain(others).copied().collect();
         let columns: Vec<&[f64]> = kept.iter().map(|&k| hypothesis.columns[k].as_slice()).collect();
         let coordinates: Vec<usize> = kept.iter().map(|&k| free[k]).collect();
         let precision: DVector<f64> = self.precision(&coordinates, &hypothesis.effects);
-        let beyond = normal_quantile(1.0 - 0.5 * chance(if shaped { shapes } else { sizes.len() }));
         let scatter = self.scatter(&columns, &hypothesis.residuals, &precision).unwrap_or_default();
         sizes.iter().zip(scatter).any(|(&k, deviation)| hypothesis.u[free[k]].abs() > beyond * deviation)
     }

@@ -216,10 +216,7 @@ impl Fitter<'_> {
         effects.sort_unstable();
         let free = self.free(&effects);
         let precision = self.precision(&free, &effects);
-        let cost = |u: &[f64], residuals: &[f64]| {
-            let prior: f64 = free.iter().zip(precision.iter()).map(|(&c, p)| p * u[c] * u[c]).sum();
-            0.5 * (dot(residuals, residuals) + prior)
-        };
+        let cost = |u: &[f64], residuals: &[f64]| cost(&free, &precision, u, residuals);
         let mut u = start.to_vec();
         let mut residuals = self.exact(&u)?;
         let mut value = cost(&u, &residuals);
@@ -336,6 +333,12 @@ impl Fitter<'_> {
         };
         effects.iter().map(of_effect).sum()
     }
+}
+
+/// `F` [nat] of residuals at `u`, by the prior precisions of the coordinates that are free.
+pub(super) fn cost(free: &[usize], precision: &DVector<f64>, u: &[f64], residuals: &[f64]) -> f64 {
+    let prior: f64 = free.iter().zip(precision.iter()).map(|(&c, p)| p * u[c] * u[c]).sum();
+    0.5 * (dot(residuals, residuals) + prior)
 }
 
 /// `J'J` of columns.

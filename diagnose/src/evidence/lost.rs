@@ -15,9 +15,8 @@ use raven::Result;
 use raven::effects::{Effect, Scale, Sited};
 use rayon::prelude::*;
 
-use super::fit::{Fitter, Following, Hypothesis};
+use super::fit::{Fitter, Following, Hypothesis, cost};
 use super::leftover::ACCOUNTED;
-use super::linear::dot;
 use super::search::Outcome;
 
 /// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
@@ -36,11 +35,14 @@ const CLOSELY: usize = 2;
 impl Fitter<'_> {
     /// By how much a hypothesis is worse than at the numbers of a poorer one, which are among its own [nat].
     pub(super) fn lost_nats(&self, richer: &Hypothesis, poorer: &Hypothesis) -> f64 {
-        let cost = |at: &Hypothesis| {
-            let prior: f64 = richer.free.iter().map(|&c| self.over_prior_squared(c, at.u[c], &richer.effects)).sum();
-            0.5 * (dot(&at.residuals, &at.residuals) + prior)
-        };
-        (cost(richer) - cost(poorer)).max(0.0)
+        let precision = self.precision(&richer.free, &richer.effects);
+        let [there, here] = [richer, poorer].map(|at| cost(&richer.free, &precision, &at.u, &at.residuals));
+        (there - here).max(0.0)
+    }
+
+    /// Whether it is lost.
+    pub(super) fn is_lost(&self, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
+        self.lost_nats(richer, poorer) > LOST_NATS
     }
 
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.

@@ -13,7 +13,6 @@ use rayon::prelude::*;
 use super::coordinates::ABSENT;
 use super::fit::{Fitter, Hypothesis, STRAINED};
 use super::leftover::Leftover;
-use super::lost::LOST_NATS;
 use super::prior;
 use super::rows::Links;
 use super::screen::Candidate;
@@ -62,6 +61,11 @@ impl Outcome {
             of(effects.len(), self.effects)
         };
         prior::probabilities(self.known().map(|(effects, evidence)| (effects.clone(), evidence + prior(effects))))
+    }
+
+    /// Evidence of a hypothesis whose effects are beyond their scatter, with its prior [nat].
+    pub(super) fn score(&self, hypothesis: &Hypothesis, evidence: f64) -> f64 {
+        evidence + prior::log_beyond_scatter(hypothesis.effects.len(), self.effects)
     }
 
     /// Every hypothesis looked at, with its evidence [nat].
@@ -227,7 +231,7 @@ impl Fitter<'_> {
     fn beside_none(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
         let none = outcome.none.clone();
         let mut hopeful = self.screen(&none, none.evidence)?;
-        let lost = |(h, _): &(Hypothesis, f64)| self.lost_nats(h, &none) > LOST_NATS;
+        let lost = |(h, _): &(Hypothesis, f64)| self.is_lost(h, &none);
         hopeful.retain(|c| c.evidence > none.evidence + HOPE_NATS && outcome.fitted.get(&c.effects).is_none_or(lost));
         let other = self.refitted(outcome, hopeful, &REPLACEMENTS, &none)?;
         Ok(other.filter(|other| other.evidence > best.evidence).unwrap_or(best))
@@ -307,7 +311,7 @@ impl Fitter<'_> {
     fn fitted_at_least(&self, candidate: &Candidate, like: &Hypothesis, from: &Hypothesis) -> Result<Option<Hypothesis>> {
         let first = self.fit(&candidate.effects, &candidate.start, Some(like))?;
         let is_richer = from.effects.iter().all(|effect| candidate.effects.contains(effect));
-        if !is_richer || first.as_ref().is_some_and(|h| self.lost_nats(h, from) < LOST_NATS) {
+        if !is_richer || first.as_ref().is_some_and(|h| !self.is_lost(h, from)) {
             return Ok(first);
         }
         let again = self.fit(&candidate.effects, &from.u, Some(from))?;

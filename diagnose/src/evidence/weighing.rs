@@ -24,6 +24,7 @@ impl Fitter<'_> {
         }
         let richer = if other.effects.len() > one.effects.len() { other } else { one };
         let leftover = self.leftover(richer);
+        // Whether a hypothesis is lost in scatter takes long to tell, and is asked where the answer turns on it.
         let gained = self.tempered(one, &leftover) - self.tempered(other, &leftover);
         let is_better = |prior: fn(usize, usize) -> f64| {
             let [one, other] = [one, other].map(|h| prior(h.effects.len(), self.coordinates.sited.len()));
@@ -70,8 +71,7 @@ impl Fitter<'_> {
         // What the screen promised of more effects than these rests on them.
         outcome.screened.retain(|effects, _| !gone.keys().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
         outcome.spurious = gone;
-        let score = |h: &Hypothesis, evidence: f64| evidence + prior::log_beyond_scatter(h.effects.len(), outcome.effects);
-        if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| score(&a.0, a.1).total_cmp(&score(&b.0, b.1))) {
+        if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| outcome.score(&a.0, a.1).total_cmp(&outcome.score(&b.0, b.1))) {
             outcome.best = best.clone();
         }
     }
@@ -88,7 +88,7 @@ impl Fitter<'_> {
     /// Whether a hypothesis is more probable than a poorer one when residuals that are alike over time count for what they hold.
     fn outweighs(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
         let evidence = |h: &Hypothesis| outcome.fitted.get(&h.effects).map_or(f64::NEG_INFINITY, |(_, evidence)| *evidence);
-        let score = |h: &Hypothesis| evidence(h) + prior::log_beyond_scatter(h.effects.len(), outcome.effects);
+        let score = |h: &Hypothesis| outcome.score(h, evidence(h));
         let [r, others] = [richer, poorer].map(|h| outcome.leftover.weighted(&h.residuals, self.rows.tip_rows()));
         let [stated, agreed] = paired::ratio(&r, &others, &self.blocks(&richer.residuals));
         score(richer) - score(poorer) - stated + agreed > 0.0

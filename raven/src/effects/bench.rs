@@ -201,9 +201,9 @@ mod tests {
     fn a_damped_cable_stretches_later_by_its_time_constant_however_seldom_it_is_looked_at() {
         let gold = crate::robot::nominal::GOLD_YAML;
         let text = format!(
-            "format: raven-robot/1\nname: slide\nkinematics: {{kind: bench}}\nsource: {{topic: /motor/joint_states, format: joint_state}}\njoints:\n  - {{name: carriage, type: prismatic, \
-             gear_ratio: 1.0, motor_capstan_radius: 1.0, link_pulley_radius: 1.0, cable: {{stiffness: 5000.0, damping: 30.0}}, \
-             motor: {{inertia: 5.0, coulomb_friction: 0.0, viscous_friction: 0.0}}}}\n{}",
+            "format: raven-robot/1\nname: slide\nkinematics: {{kind: bench}}\nsource: {{topic: /motor/joint_states, format: joint_state}}\n\
+             joints:\n  - {{name: carriage, type: prismatic, gear_ratio: 1.0, motor_capstan_radius: 1.0, link_pulley_radius: 1.0, \
+             cable: {{stiffness: 5000.0, damping: 30.0}}, motor: {{inertia: 5.0, coulomb_friction: 0.0, viscous_friction: 0.0}}}}\n{}",
             &gold[gold.find("tolerances:").unwrap()..]
         );
         let robot = Robot::parse(std::path::Path::new("slide.yaml"), &text).unwrap();
