@@ -10,6 +10,7 @@
 
 use rand::{RngExt, SeedableRng};
 use raven::Result;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::channels::{Sample, Sampled};
@@ -95,16 +96,8 @@ pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hy
     let count = named.effects.len();
     let mut squares = vec![Squares { of_subset: vec![Vec::new(); 1 << count], ..Squares::default() }; measured.len()];
     let mut pairs: Vec<(Sample, f64)> = Vec::new();
-    for fold in 0..2 {
-        let u = fitted_elsewhere(rows, coordinates, named, fold)?;
-        let effects: Vec<Setting> = named.effects.iter().map(|&effect| setting(coordinates, effect, &u)).collect();
-        let with = |subset: usize| {
-            let settings: Vec<Setting> =
-                effects.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, setting)| setting.clone()).collect();
-            rows.samples(&settings)
-        };
-        let of_subset: Vec<Vec<Sample>> = (0..1 << count).map(with).collect::<Result<_>>()?;
-        let retuned = rows.samples(&coordinates.settings(&u))?;
+    let predicted: Result<Vec<Predicted>> = (0..2).into_par_iter().map(|fold| predicted(rows, coordinates, named, fold)).collect();
+    for (fold, Predicted { of_subset, retuned }) in predicted?.into_iter().enumerate() {
         // All have to count the same samples.
         let counts = |k: &usize| of_subset.iter().chain([&retuned]).all(|samples| samples[*k].error.is_finite());
         let here = |k: &usize| block(of_subset[0][*k].time_s) % 2 == fold;
@@ -131,6 +124,26 @@ pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hy
     let closures =
         measured.iter().zip(&squares).filter_map(|(m, squares)| closure(&m.name, m.unit, m.scale, squares, &shares_of)).collect();
     Ok((closures, if count == 0 { Vec::new() } else { Remaining::of(&measured, pairs) }))
+}
+
+/// Errors of every sample as the other half of a fold's blocks gives the numbers.
+struct Predicted {
+    /// Per subset of the effects (as bits).
+    of_subset: Vec<Vec<Sample>>,
+    /// With all of them and the file's own numbers.
+    retuned: Vec<Sample>,
+}
+
+fn predicted(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Predicted> {
+    let u = fitted_elsewhere(rows, coordinates, named, fold)?;
+    let effects: Vec<Setting> = named.effects.iter().map(|&effect| setting(coordinates, effect, &u)).collect();
+    let with = |subset: usize| {
+        let settings: Vec<Setting> =
+            effects.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, setting)| setting.clone()).collect();
+        rows.samples(&settings)
+    };
+    let of_subset: Vec<Vec<Sample>> = (0..1 << effects.len()).into_par_iter().map(with).collect::<Result<_>>()?;
+    Ok(Predicted { of_subset, retuned: rows.samples(&coordinates.settings(&u))? })
 }
 
 /// All coordinates as the other half of the blocks gives them.

@@ -16,7 +16,6 @@ use raven::effects::{Effect, Scale, Sited};
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Following, Hypothesis, cost};
-use super::leftover::ACCOUNTED;
 use super::search::Outcome;
 
 /// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
@@ -50,11 +49,11 @@ impl Fitter<'_> {
         if self.stood_in(outcome)? {
             return Ok(true);
         }
+        if self.explains_little(outcome) {
+            return self.at_several_sizes(outcome, nominal);
+        }
         if !self.leftover(&outcome.best).remains() {
             return Ok(false);
-        }
-        if self.accounted(&outcome.none, &outcome.best) < ACCOUNTED {
-            return self.at_several_sizes(outcome, nominal);
         }
         let mut other = self.closely(outcome, &[outcome.best.clone(), outcome.none.clone()])?;
         // What strains the nominal model may be an effect.

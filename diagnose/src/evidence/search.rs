@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::coordinates::ABSENT;
 use super::fit::{Fitter, Hypothesis, STRAINED};
-use super::leftover::Leftover;
+use super::leftover::{ACCOUNTED, Leftover};
 use super::prior;
 use super::rows::Links;
 use super::screen::Candidate;
@@ -191,17 +191,24 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Adds effects to the best hypothesis, and to what is left of it without those that are lost in scatter.
+    /// Adds effects to the best hypothesis, and to what is left of it without those that are lost in scatter. Where even with them most of a
+    /// misfit remained, others will not account for it.
     pub(super) fn add_and_shed(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
         self.add_effects(outcome, nominal, &mut each)?;
         let added = outcome.best.effects.len();
+        let explains_little = self.explains_little(outcome);
         while let Some(lost) = self.lost_in_scatter(outcome, &outcome.best).filter(|_| outcome.best.effects.len() > 1) {
             let best = outcome.best.clone();
             let Some(rest) = self.fit(&best.all_but(lost), &self.without(lost, &best.u), Some(&best))? else { break };
             outcome.keep(&rest);
             outcome.best = outcome.fitted.get(&rest.effects).map_or(rest, |(known, _)| known.clone());
         }
-        if outcome.best.effects.len() < added { self.add_effects(outcome, nominal, each) } else { Ok(()) }
+        if outcome.best.effects.len() < added && !explains_little { self.add_effects(outcome, nominal, each) } else { Ok(()) }
+    }
+
+    /// Whether the best hypothesis leaves something, and more of the misfit than it accounts for.
+    pub(super) fn explains_little(&self, outcome: &Outcome) -> bool {
+        self.leftover(&outcome.best).remains() && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED
     }
 
     /// The better of `best` and of effects that the fitted nominal model has as strained numbers.
