@@ -38,6 +38,10 @@ impl LinkState {
     pub fn new(position: Vector3<f64>, rate: Vector3<f64>) -> Self {
         Self { position, rate, anchor: None }
     }
+
+    fn is_finite(&self) -> bool {
+        self.position.iter().chain(&self.rate).all(|v| v.is_finite())
+    }
 }
 
 /// Rigid-body terms at one state.
@@ -169,17 +173,19 @@ impl LinkModel {
 
     /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within two milliseconds share
     /// their rigid-body terms. A cable that stiffens asks for more steps the harder it is pulled: where they were too few, for finer ones.
+    /// A state that is not finite stays as it is.
     #[must_use]
     pub fn advance(&self, state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
         let steps = |step_s: f64| (duration_s / step_s).ceil().max(1.0);
         let (coarse, most) = (steps(self.step_max_s), steps(STEP_MIN_S));
         let mut reached = state;
-        for finer in FINER {
-            let steps = (finer * coarse).min(most);
-            reached = self.in_steps(&state, motor, motor_rate, duration_s, steps);
-            let is_finite = reached.position.iter().chain(&reached.rate).all(|v| v.is_finite());
-            if is_finite || steps == most {
-                break;
+        if state.is_finite() {
+            for finer in FINER {
+                let steps = (finer * coarse).min(most);
+                reached = self.in_steps(&state, motor, motor_rate, duration_s, steps);
+                if reached.is_finite() || steps == most {
+                    break;
+                }
             }
         }
         reached
