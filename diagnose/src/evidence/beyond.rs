@@ -13,8 +13,9 @@ use super::fit::{Fitter, Hypothesis};
 use super::paired;
 use super::search::Outcome;
 
-/// Chance that any effect of the library counts as beyond its scatter where there is none.
-const FALSE_CHANCE: f64 = 0.05;
+/// Chance that any effect of the library counts as beyond its scatter where there is none. It has to be more probable than none besides: of 64
+/// recordings of the virtual lab without an effect none is blamed on one.
+const FALSE_CHANCE: f64 = 0.2;
 
 impl Fitter<'_> {
     /// The first effect of a hypothesis that is not.
