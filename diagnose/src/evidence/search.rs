@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::DVector;
 use raven::Result;
 use raven::effects::Scale;
 use rayon::prelude::*;
@@ -247,23 +248,32 @@ impl Fitter<'_> {
     /// A hypothesis fitted once more from where a better one came to, if that gives a better fit.
     ///
     /// Joints that stick here or there make the misfit jagged: of two fits that end a hair apart one may be ten nats higher, and one may stop on
-    /// its way. That is no evidence for an effect. Where the other's effects are numbers of the nominal model, this one can be there too, at the
-    /// price of their strain, and is lost if it is farther behind; where they are not, it may be if it is hardly behind.
+    /// its way. That is no evidence for an effect. This one can be where the other is, at the price of the other's effects as strained numbers of
+    /// the nominal model, and of those that it lacks as none, as far as the other's curvature tells. It is lost if it is farther behind; where
+    /// something is lacking, it may be if it is hardly behind.
     fn fitted_as(&self, hypothesis: &Hypothesis, better: &Hypothesis) -> Result<Option<Hypothesis>> {
         let behind = better.evidence - hypothesis.evidence;
         let strain = |c: usize, h: &Hypothesis| 0.5 * self.over_prior_squared(c, better.u[c], &h.effects);
         let price: f64 = hypothesis.free.iter().map(|&c| strain(c, hypothesis) - strain(c, better)).sum();
         // How things stood as the recording began is nothing to go by.
-        let may_lack = |c: usize| hypothesis.free.contains(&c) || self.scale(c).is_state();
-        let is_within_reach = better.free.iter().all(|&c| may_lack(c));
-        let may_be_lost = if is_within_reach { behind > price } else { behind < WITHIN_NATS };
-        if !may_be_lost {
+        let is_lacking = |&k: &usize| !hypothesis.free.contains(&better.free[k]) && !self.scale(better.free[k]).is_state();
+        let lacking: Vec<usize> = (0..better.free.len()).filter(is_lacking).collect();
+        let is_lost = behind > price + self.nats_from_none(better, &lacking);
+        if !is_lost && (lacking.is_empty() || behind >= WITHIN_NATS) {
             return Ok(None);
         }
         let mut start = hypothesis.u.clone();
         hypothesis.free.iter().for_each(|&c| start[c] = better.u[c]);
         let again = self.fit(&hypothesis.effects, &start, Some(better))?;
         Ok(again.filter(|again| again.evidence > hypothesis.evidence))
+    }
+
+    /// By how much some of a hypothesis' free coordinates are more probable where they are than at none, as far as its curvature tells [nat].
+    fn nats_from_none(&self, hypothesis: &Hypothesis, some: &[usize]) -> f64 {
+        let nowhere = self.nowhere();
+        let off = DVector::from_iterator(some.len(), some.iter().map(|&k| hypothesis.free[k]).map(|c| hypothesis.u[c] - nowhere[c]));
+        let covariance = hypothesis.covariance.select_rows(some).select_columns(some);
+        covariance.cholesky().map_or(f64::INFINITY, |factor| 0.5 * off.dot(&factor.solve(&off)))
     }
 
     /// The nominal model with its slopes, nothing fitted.
