@@ -1,6 +1,6 @@
 //! A recording as the hypotheses see it: tips, and drives with their torque.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Shaft, Sight};
@@ -9,11 +9,13 @@ use raven::observation::three_joints;
 use raven::robot::{MotorTrack, PAUSE_MAX_S};
 
 /// Window of the motors' smoothing [s]: a quadratic through it has the acceleration to 1 rad/s^2 beside encoder counts, and follows 4 Hz.
-pub const WINDOW_S: f64 = 0.06;
+pub const WINDOW_S: f64 = 0.07;
 /// Time between the motor samples that drive the links [s].
 const MOTORS_S: f64 = 0.002;
 /// Most tips of a recording that are looked at: a tracker may see a hundred a second, and neighbours share what no model explains.
 const SIGHTS_MAX: usize = 3000;
+/// Period of the robot's controller [s]. A drive is half of it late: 0.5 ms of a fast motion are 1 % of its inertia's torque.
+const CONTROL_S: f64 = 1e-3;
 /// Time between two torque samples [s].
 pub(super) const STRIDE_S: f64 = 0.02;
 
@@ -58,7 +60,7 @@ impl Data {
                 let series = recording.require_motor()?;
                 three_joints(series, recording)?;
                 let torque = (0..series.len()).map(|k| Vector3::from_fn(|j, _| effort[j][k])).collect::<Vec<_>>();
-                shafts(&motors, &torque)
+                shafts(&motors, &acting(&motors.time_s, &torque))
             }
             _ => Vec::new(),
         };
@@ -79,6 +81,17 @@ fn thinned(motors: &MotorTrack) -> MotorTrack {
     thin
 }
 
+/// Torque that acts at the time of each sample: a command is logged as it is given and held for a period of the controller, half of which a
+/// window of samples has behind it.
+fn acting(time_s: &[f64], commanded: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let at = |k: usize| {
+        let (before, now) = (k.saturating_sub(1), commanded[k]);
+        let part = (0.5 * CONTROL_S / (time_s[k] - time_s[before])).min(0.5);
+        if before == k { now } else { now.lerp(&commanded[before], part) }
+    };
+    (0..commanded.len()).map(at).collect()
+}
+
 /// Motors smoothed by a local quadratic, with the mean torque of the same window.
 fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
     let (Some(&start), Some(&end)) = (motors.time_s.first(), motors.time_s.last()) else { return Vec::new() };
@@ -89,31 +102,44 @@ fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
 /// Motors at one time, smoothed, and their torque; `None` where samples are missing, an encoder jumps or there are fewer than five samples in
 /// the window.
 pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
-    let from = motors.time_s.partition_point(|&t| t < time_s - 0.5 * WINDOW_S);
-    let to = motors.time_s.partition_point(|&t| t <= time_s + 0.5 * WINDOW_S);
+    let half_s = 0.5 * WINDOW_S;
+    let (start_s, end_s) = (*motors.time_s.first()?, *motors.time_s.last()?);
+    if time_s - half_s < start_s || time_s + half_s > end_s {
+        return None;
+    }
+    let from = motors.time_s.partition_point(|&t| t < time_s - half_s);
+    let to = motors.time_s.partition_point(|&t| t <= time_s + half_s);
     let times = motors.time_s.get(from..to)?;
-    let whole = times.len() >= 5 && times.windows(2).all(|pair| pair[1] - pair[0] <= PAUSE_MAX_S.min(0.5 * WINDOW_S));
+    let whole = times.len() >= 5 && times.windows(2).all(|pair| pair[1] - pair[0] <= PAUSE_MAX_S.min(half_s));
     if !whole || jumps(&motors.angle[from..to]) || torque[from..to].iter().any(|t| !t.iter().all(|v| v.is_finite())) {
         return None;
     }
-    // Least squares of [1, t, t^2 / 2]. The acceleration it finds is the mean of the true one with the weights (1 - (t / h)^2)^2, h half
-    // the window; the torque's mean has to have the same, or a fast motion looks as if it took another inertia.
-    let half_s = 0.5 * WINDOW_S;
-    let (mut normal, mut right) = (Matrix3::zeros(), Matrix3::zeros());
+    // Least squares with weights (1 - (t / h)^2)^k, h half the window, find as the n-th derivative its mean with the power k + n. Torque,
+    // velocity and acceleration are means with the same power, or a fast motion looks as if it took another friction or inertia.
+    let (mut parabola, mut of_parabola) = (Matrix3::zeros(), Matrix3::zeros());
+    let (mut line, mut of_line) = (Matrix2::zeros(), Matrix2x3::zeros());
     let (mut commanded, mut weights) = (Vector3::zeros(), 0.0);
     for ((t, angle), torque) in times.iter().zip(&motors.angle[from..to]).zip(&torque[from..to]) {
         let t = t - time_s;
+        let weight = (1.0 - (t / half_s).powi(2)).max(0.0);
         let row = Vector3::new(1.0, t, 0.5 * t * t);
-        normal += row * row.transpose();
-        right += row * angle.transpose();
-        let weight = (1.0 - (t / half_s).powi(2)).max(0.0).powi(2);
-        commanded += torque * weight;
-        weights += weight;
+        parabola += row * row.transpose() * weight;
+        of_parabola += row * angle.transpose() * weight;
+        let row = Vector2::new(1.0, t);
+        line += row * row.transpose() * weight.powi(2);
+        of_line += row * angle.transpose() * weight.powi(2);
+        commanded += torque * weight.powi(3);
+        weights += weight.powi(3);
     }
-    let fit = normal.try_inverse()? * right;
-    let commanded = commanded / weights;
-    let row = |k: usize| fit.row(k).transpose();
-    Some(Shaft { time_s, angle: row(0), rate: row(1), acceleration: row(2), commanded, window_s: WINDOW_S })
+    let (parabola, line) = (parabola.try_inverse()? * of_parabola, line.try_inverse()? * of_line);
+    Some(Shaft {
+        time_s,
+        angle: parabola.row(0).transpose(),
+        rate: line.row(1).transpose(),
+        acceleration: parabola.row(2).transpose(),
+        commanded: commanded / weights,
+        window_s: WINDOW_S,
+    })
 }
 
 /// Whether any of the motors turns much farther between two samples than between any others.
@@ -131,6 +157,32 @@ fn jumps(angle: &[Vector3<f64>]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Largest error of the torque that a motor's inertia and friction take, of its largest, in motion of 4 Hz under commands that are held
+    /// for a millisecond and logged every so many.
+    fn error_of_torque(logged_every: usize) -> f64 {
+        const INERTIA: f64 = 3e-4;
+        const VISCOUS: f64 = 2e-3;
+        let (w, v) = (std::f64::consts::TAU * 4.0, std::f64::consts::TAU * 1.3);
+        let angle = |t: f64| 4.0 * (w * t).sin() + 9.0 * (v * t).cos();
+        let torque = |t: f64| {
+            let rate = 4.0 * w * (w * t).cos() - 9.0 * v * (v * t).sin();
+            INERTIA * (-4.0 * w * w * (w * t).sin() - 9.0 * v * v * (v * t).cos()) + VISCOUS * rate
+        };
+        let time_s: Vec<f64> = (0..2000).step_by(logged_every).map(|k| 1e-3 * k as f64).collect();
+        let motors = MotorTrack { angle: time_s.iter().map(|&t| Vector3::repeat(angle(t))).collect(), time_s };
+        let commanded: Vec<Vector3<f64>> = motors.time_s.iter().map(|t| Vector3::repeat(torque(t + 0.5e-3))).collect();
+        let shafts = shafts(&motors, &acting(&motors.time_s, &commanded));
+        let of = |f: &dyn Fn(&Shaft) -> f64| shafts.iter().map(|shaft| f(shaft).abs()).fold(0.0, f64::max);
+        assert!(shafts.len() > 80);
+        of(&|s| s.commanded[0] - INERTIA * s.acceleration[0] - VISCOUS * s.rate[0]) / of(&|s| s.commanded[0])
+    }
+
+    #[test]
+    fn torque_motion_and_commands_that_are_held_agree() {
+        let errors = [1, 5].map(error_of_torque);
+        assert!(errors[0] < 2e-4 && errors[1] < 3e-3, "{errors:?}");
+    }
 
     #[test]
     fn a_miscount_jumps_and_a_fast_start_does_not() {

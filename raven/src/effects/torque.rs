@@ -24,11 +24,11 @@ pub struct Shaft {
     pub time_s: f64,
     /// [rad].
     pub angle: Vector3<f64>,
-    /// [rad/s].
+    /// [rad/s], averaged over the window as the torque is.
     pub rate: Vector3<f64>,
-    /// [rad/s^2].
+    /// [rad/s^2], averaged as well.
     pub acceleration: Vector3<f64>,
-    /// After the gear box [N m], averaged over the window as the acceleration is: with the weights `(1 - (t / h)^2)^2` within `h` of the time.
+    /// After the gear box [N m], as it acts, averaged with the weights `(1 - (t / h)^2)^3` within `h` of the time.
     pub commanded: Vector3<f64>,
     /// `2 h` [s]; 0 for values of an instant.
     pub window_s: f64,
@@ -83,14 +83,14 @@ impl Shafts {
     }
 }
 
-/// What is left of a wave of `phase` radians per half window when it is averaged as [`Shaft::commanded`] is: `15 j_2(z) / z^2`, `j_2` the
+/// What is left of a wave of `phase` radians per half window when it is averaged as [`Shaft::commanded`] is: `105 j_3(z) / z^3`, `j_3` the
 /// spherical Bessel function.
 fn averaged(phase: f64) -> f64 {
     let square = phase * phase;
-    if square < 1e-2 {
-        return 1.0 - square / 14.0;
+    if square < 0.1 {
+        return 1.0 - square / 18.0 * (1.0 - square / 44.0);
     }
-    15.0 * ((3.0 - square) * phase.sin() - 3.0 * phase * phase.cos()) / (square * square * phase)
+    105.0 * ((15.0 - 6.0 * square) * phase.sin() - (15.0 - square) * phase * phase.cos()) / square.powi(3) / phase
 }
 
 /// A model of the drives.
