@@ -81,13 +81,13 @@ fn thinned(motors: &MotorTrack) -> MotorTrack {
     thin
 }
 
-/// Torque that acts at the time of each sample: a command is logged as it is given and held for a period of the controller, half of which a
-/// window of samples has behind it.
+/// Torque that acts at the time of each sample: a command is logged as it is given and held for a period of the controller, so that half of what
+/// acts about its time is the command before, or itself where it is the first.
 fn acting(time_s: &[f64], commanded: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let at = |k: usize| {
-        let (before, now) = (k.saturating_sub(1), commanded[k]);
+        let before = k.saturating_sub(1);
         let part = (0.5 * CONTROL_S / (time_s[k] - time_s[before])).min(0.5);
-        if before == k { now } else { now.lerp(&commanded[before], part) }
+        commanded[k].lerp(&commanded[before], part)
     };
     (0..commanded.len()).map(at).collect()
 }
@@ -128,8 +128,9 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -
         let row = Vector2::new(1.0, t);
         line += row * row.transpose() * weight.powi(2);
         of_line += row * angle.transpose() * weight.powi(2);
-        commanded += torque * weight.powi(3);
-        weights += weight.powi(3);
+        let weight = Shaft::weight(t / half_s);
+        commanded += torque * weight;
+        weights += weight;
     }
     let (parabola, line) = (parabola.try_inverse()? * of_parabola, line.try_inverse()? * of_line);
     Some(Shaft {

@@ -91,7 +91,7 @@ impl<'a> TipModel<'a> {
         for (k, at) in stretch_m.iter().enumerate() {
             let (before, after) = (k.saturating_sub(1), (k + 1).min(NODES - 1));
             let rate = (stretch_m[after] - stretch_m[before]) / ((after - before) as f64 * apart_s);
-            let weight = (1.0 - node(k).powi(2)).powi(3);
+            let weight = Shaft::weight(node(k));
             sum += Vector3::from_fn(|j, _| cables[j].force(at[j], rate[j])) * weight;
             weights += weight;
         }

@@ -28,10 +28,18 @@ pub struct Shaft {
     pub rate: Vector3<f64>,
     /// [rad/s^2], averaged as well.
     pub acceleration: Vector3<f64>,
-    /// After the gear box [N m], as it acts, averaged with the weights `(1 - (t / h)^2)^3` within `h` of the time.
+    /// After the gear box [N m], as it acts, averaged with the weights `(1 - (t / h)^2)^3` within `h` of the time ([`Self::weight`]).
     pub commanded: Vector3<f64>,
     /// `2 h` [s]; 0 for values of an instant.
     pub window_s: f64,
+}
+
+impl Shaft {
+    /// Weight, in the means over a window, of what is so many halves of it off its time [-1 to 1].
+    #[must_use]
+    pub fn weight(off: f64) -> f64 {
+        (1.0 - off.powi(2)).max(0.0).powi(3)
+    }
 }
 
 /// Motors and gear boxes.
@@ -149,5 +157,24 @@ impl TorqueModel {
     #[must_use]
     pub fn needed(&self, shaft: &Shaft, tension_n: &Vector3<f64>) -> Vector3<f64> {
         self.shafts.taken(shaft, &shaft.rate.map(f64::signum)) + self.shafts.passed_on(tension_n, &self.arm.transmission.cable_per_motor_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wave_is_averaged_as_a_window_weighs_it() {
+        const PARTS: i32 = 1000;
+        for phase in [0.0, 0.05, 0.3, 0.33, 1.0, 3.0, 12.0_f64] {
+            let offs = (-PARTS..=PARTS).map(|i| f64::from(i) / f64::from(PARTS));
+            let [mut left, mut whole] = [0.0; 2];
+            for off in offs {
+                left += Shaft::weight(off) * (phase * off).cos();
+                whole += Shaft::weight(off);
+            }
+            approx::assert_abs_diff_eq!(averaged(phase), left / whole, epsilon = 1e-7);
+        }
     }
 }

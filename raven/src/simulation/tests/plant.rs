@@ -139,7 +139,7 @@ fn cables_of_links_that_hardly_move_pull_as_the_labs_do() {
     let rolled_out = tip.rolled_out(&[], &shafts).1;
     let mut squares = [[0.0; 3]; 3];
     for ((&k, shaft), rolled_out) in at.iter().zip(&shafts).zip(rolled_out) {
-        let weight = |i: usize| (1.0 - (i as f64 / HALF as f64 - 1.0).powi(2)).powi(3);
+        let weight = |i: usize| Shaft::weight(i as f64 / HALF as f64 - 1.0);
         let weights: f64 = (0..2 * HALF).map(weight).sum();
         let pulled = (0..2 * HALF).map(|i| samples[k + i - HALF].tension * weight(i)).sum::<Vector3<f64>>() / weights;
         let settled = torque.dragged_n(shaft, &dragged.drag_about(shaft.time_s, 0.5 * shaft.window_s).unwrap());
