@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::search::Outcome;
+use crate::evidence::tied::TIED_NATS;
 
 /// Another effect that would do as well.
 #[derive(Debug, Clone, Serialize)]
@@ -20,9 +21,6 @@ pub struct Tied {
     pub separate_by: &'static str,
 }
 
-/// Evidence within which two causes are tied [nat].
-const WITHIN_NATS: f64 = 3.0;
-
 /// Effects that could stand in for one of a hypothesis.
 pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Vec<Tied> {
     let sited = &fitter.coordinates.sited;
@@ -33,7 +31,7 @@ pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect
         effects.sort_unstable();
         let (_, evidence) = outcome.fitted.get(&effects)?;
         let gap_nats = reached - evidence;
-        (gap_nats < WITHIN_NATS || exact(other)).then(|| Tied {
+        (gap_nats < TIED_NATS || exact(other)).then(|| Tied {
             id: sited[other].effect.id,
             joint: sited[other].joint(fitter.rows.robot()),
             exact: exact(other),

@@ -17,6 +17,7 @@ pub mod rows;
 pub mod screen;
 pub mod search;
 pub mod sizes;
+pub mod tied;
 pub mod told;
 mod weighing;
 

@@ -30,7 +30,7 @@ const REPLACEMENTS: [usize; 2] = [0, 3];
 /// So many of either are fitted at a time, before the next are held against them: on every machine, or verdicts would depend on its processors.
 const AT_ONCE: usize = 2;
 /// A candidate is worth a fit if the screen does not see it this far behind what has to be beaten [nat]: the screen errs on either side.
-const HOPE_NATS: f64 = 2.0;
+pub(super) const HOPE_NATS: f64 = 2.0;
 
 /// Everything that was looked at, and where it ended.
 pub struct Outcome {
@@ -128,6 +128,7 @@ impl Fitter<'_> {
             self.add_and_shed(&mut outcome, &nominal, each)?;
         }
         self.look_closely(&mut outcome)?;
+        self.hold_against_ties(&mut outcome)?;
         self.temper(&mut outcome);
         Ok(Some(outcome))
     }
@@ -341,17 +342,21 @@ impl Fitter<'_> {
         (0..sited.len()).filter(|&other| other != effect && sited[effect].shows_where(&sited[other])).collect()
     }
 
+    /// A hypothesis without one of its effects, fitted.
+    pub(super) fn rest(&self, outcome: &Outcome, whole: &Hypothesis, left_out: usize) -> Result<Option<Hypothesis>> {
+        let effects = whole.all_but(left_out);
+        match outcome.fitted.get(&effects) {
+            Some((known, _)) => Ok(Some(known.clone())),
+            None => self.fit(&effects, &self.without(left_out, &whole.u), Some(whole)),
+        }
+    }
+
     /// The best hypothesis that differs from `best` by one effect, as long as that is better.
     fn reopened(&self, outcome: &mut Outcome, mut best: Hypothesis) -> Result<Hypothesis> {
         for _ in 0..EFFECTS_MAX {
             let mut better: Option<Hypothesis> = None;
             for left_out in best.effects.clone() {
-                let effects = best.all_but(left_out);
-                let rest = match outcome.fitted.get(&effects) {
-                    Some((known, _)) => Some(known.clone()),
-                    None => self.fit(&effects, &self.without(left_out, &best.u), Some(&best))?,
-                };
-                let Some(mut rest) = rest else { continue };
+                let Some(mut rest) = self.rest(outcome, &best, left_out)? else { continue };
                 if let Some(again) = self.fitted_as(&rest, &best)? {
                     rest = again;
                 }

@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
     }],
     channels: &[Channel::Torque],
     ties: &[Tie::near("link-coulomb-friction"), Tie::near("torque-constant")],
-    separated_by: "constant speeds in both directions",
+    separated_by: "constant speeds in both directions; from the friction of the joint only a tip tells it",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];
         if let Some(motor) = &mut joint.motor {

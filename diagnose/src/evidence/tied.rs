@@ -1,0 +1,69 @@
+//! Effects that the library ties to those that were found, each held against what it could stand in for.
+//!
+//! A search drops what the screen sees behind. Where a misfit is large the screen's differences are, too, and what is hardly behind once the
+//! misfit counts as noise was never fitted: a tie would go unsaid, and one of two be named with a probability that both share.
+
+use raven::Result;
+
+use super::fit::{Fitter, Hypothesis};
+use super::search::{HOPE_NATS, Outcome};
+
+/// Evidence within which two causes are tied, what the best hypothesis leaves counting as noise [nat].
+pub const TIED_NATS: f64 = 3.0;
+
+impl Fitter<'_> {
+    /// Fits what the library ties to an effect of the best hypothesis in that effect's place, where the screen does not rule it out, and what
+    /// is left of those that are tied without any one of their effects: either may come first in the end.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub(super) fn hold_against_ties(&self, outcome: &mut Outcome) -> Result<()> {
+        let best = outcome.best.clone();
+        let leftover = self.leftover(&best);
+        // Differences of evidence shrink by so much when what is left counts as noise.
+        let shrink = leftover.tip.max(leftover.torque.max());
+        for &effect in &best.effects {
+            let ties = self.ties_of(&best, effect);
+            let instead = |&other: &usize| {
+                let mut effects: Vec<usize> = best.all_but(effect).into_iter().chain([other]).collect();
+                effects.sort_unstable();
+                effects
+            };
+            let unfitted: Vec<usize> = ties.iter().copied().filter(|other| !outcome.fitted.contains_key(&instead(other))).collect();
+            let Some(rest) = self.rest(outcome, &best, effect)? else { continue };
+            outcome.keep(&rest);
+            if !unfitted.is_empty() {
+                let mut candidates = self.screen_some(&rest, rest.evidence, &unfitted)?;
+                candidates.retain(|candidate| candidate.evidence > best.evidence - (TIED_NATS + HOPE_NATS) * shrink);
+                for candidate in candidates {
+                    if let Some(hypothesis) = self.fit(&candidate.effects, &candidate.start, Some(&rest))? {
+                        outcome.keep(&hypothesis);
+                    }
+                }
+            }
+            for effects in ties.iter().map(instead) {
+                let tied = outcome.fitted.get(&effects).map(|(hypothesis, _)| hypothesis.clone());
+                let Some(tied) = tied.filter(|tied| tied.evidence > best.evidence - TIED_NATS * shrink) else { continue };
+                for &left_out in &tied.effects {
+                    if let Some(rest) = self.rest(outcome, &tied, left_out)? {
+                        outcome.keep(&rest);
+                    }
+                }
+                if self.better(outcome, &tied, &outcome.best) {
+                    outcome.best = tied;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What the library ties to an effect of a hypothesis, at the places where it shows.
+    fn ties_of(&self, hypothesis: &Hypothesis, effect: usize) -> Vec<usize> {
+        let sited = &self.coordinates.sited;
+        let is_tied = |&other: &usize| {
+            let named = sited[effect].effect.ties.iter().any(|tie| tie.id == sited[other].effect.id);
+            named && sited[other].shows_where(&sited[effect]) && !hypothesis.effects.contains(&other)
+        };
+        (0..sited.len()).filter(is_tied).collect()
+    }
+}
