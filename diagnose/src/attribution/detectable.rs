@@ -17,9 +17,9 @@ use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, gram};
 use crate::evidence::linear::dot;
+use crate::evidence::outcome::Outcome;
 use crate::evidence::prior;
 use crate::evidence::rows::Links;
-use crate::evidence::search::Outcome;
 use crate::evidence::sizes;
 
 /// The smallest size of an effect that would have been named.

@@ -34,8 +34,8 @@ use crate::evidence::bench::Bench;
 use crate::evidence::coordinates::Coordinates;
 use crate::evidence::data::Data;
 use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::outcome::Outcome;
 use crate::evidence::rows::Rows;
-use crate::evidence::search::Outcome;
 
 /// What the recordings say of causes.
 #[derive(Debug, Clone, Serialize)]

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::search::Outcome;
+use crate::evidence::outcome::Outcome;
 use crate::evidence::tied::TIED_NATS;
 
 /// Another effect that would do as well.

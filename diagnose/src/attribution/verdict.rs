@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::leftover::ACCOUNTED;
-use crate::evidence::search::Outcome;
+use crate::evidence::outcome::Outcome;
 
 /// The verdict in a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

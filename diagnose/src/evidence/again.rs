@@ -6,7 +6,8 @@ use raven::Result;
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Hypothesis};
-use super::search::{Outcome, REFITTED, WITHIN_NATS};
+use super::outcome::Outcome;
+use super::search::{REFITTED, WITHIN_NATS};
 
 impl Fitter<'_> {
     /// As [`Self::search`] where the same was searched `before`.

@@ -10,8 +10,8 @@ use nalgebra::DVector;
 use raven::stats::{chi_square_quantile, normal_quantile};
 
 use super::fit::{Fitter, Hypothesis};
+use super::outcome::Outcome;
 use super::paired;
-use super::search::Outcome;
 
 /// Chance that any effect of the library counts as beyond its scatter where there is none. It has to be more probable than none besides: of 64
 /// recordings of the virtual lab without an effect none is blamed on one.

@@ -7,7 +7,8 @@ use raven::Result;
 
 use super::fit::{Fitter, Following, Hypothesis};
 use super::lost::LOST_NATS;
-use super::search::{Outcome, WITHIN_NATS};
+use super::outcome::Outcome;
+use super::search::WITHIN_NATS;
 
 /// Others that are as near the best as this [nat] are fitted too, so many of them at most.
 const OTHERS_NATS: f64 = 10.0;

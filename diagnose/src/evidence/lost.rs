@@ -16,7 +16,7 @@ use raven::effects::{Effect, Scale, Sited};
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Following, Hypothesis, cost};
-use super::search::Outcome;
+use super::outcome::Outcome;
 
 /// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
 pub(super) const LOST_NATS: f64 = 1.0;

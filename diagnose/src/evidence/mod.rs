@@ -11,6 +11,7 @@ pub mod fit;
 pub mod leftover;
 pub mod linear;
 mod lost;
+pub mod outcome;
 mod paired;
 pub mod prior;
 pub mod rows;

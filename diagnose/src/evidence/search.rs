@@ -4,8 +4,6 @@
 //! of the nominal model that becomes an effect changes its spike for a slab. Each round screens the whole library, refits the best, and
 //! then opens what it has again: every effect may be left out, or be another one.
 
-use std::collections::BTreeMap;
-
 use nalgebra::DVector;
 use raven::Result;
 use raven::effects::Scale;
@@ -13,8 +11,8 @@ use rayon::prelude::*;
 
 use super::coordinates::ABSENT;
 use super::fit::{Fitter, Hypothesis, STRAINED};
-use super::leftover::{ACCOUNTED, Leftover};
-use super::prior;
+use super::leftover::ACCOUNTED;
+use super::outcome::Outcome;
 use super::rows::Links;
 use super::screen::Candidate;
 
@@ -31,63 +29,6 @@ const REPLACEMENTS: [usize; 2] = [0, 3];
 const AT_ONCE: usize = 2;
 /// A candidate is worth a fit if the screen does not see it this far behind what has to be beaten [nat]: the screen errs on either side.
 pub(super) const HOPE_NATS: f64 = 2.0;
-
-/// Everything that was looked at, and where it ended.
-pub struct Outcome {
-    /// The hypothesis without effects.
-    pub none: Hypothesis,
-    /// The most probable hypothesis.
-    pub best: Hypothesis,
-    /// What the best hypothesis leaves; by so much the evidence of all is tempered.
-    pub leftover: Leftover,
-    /// Every hypothesis that was fitted, by its effects, with its tempered evidence [nat].
-    pub fitted: BTreeMap<Vec<usize>, (Hypothesis, f64)>,
-    /// Tempered evidence of those that were fitted and hold an effect that is not worth naming [nat].
-    pub spurious: BTreeMap<Vec<usize>, f64>,
-    /// Tempered evidence, at most, of those that the screen gave up [nat].
-    pub screened: BTreeMap<Vec<usize>, f64>,
-    /// What the screen said of the whole library from each hypothesis that effects were added to.
-    screens: BTreeMap<Vec<usize>, Vec<Candidate>>,
-    /// Effects at their places in the library.
-    pub(super) effects: usize,
-}
-
-impl Outcome {
-    /// Probability of every hypothesis looked at, most probable first. Of those that were fitted the ones with an effect that is lost in scatter
-    /// are among the spurious.
-    #[must_use]
-    pub fn probabilities(&self) -> Vec<(Vec<usize>, f64)> {
-        let prior = |effects: &Vec<usize>| {
-            let of = if self.fitted.contains_key(effects) { prior::log_beyond_scatter } else { prior::log };
-            of(effects.len(), self.effects)
-        };
-        prior::probabilities(self.known().map(|(effects, evidence)| (effects.clone(), evidence + prior(effects))))
-    }
-
-    /// Evidence of a hypothesis whose effects are beyond their scatter, with its prior [nat].
-    pub(super) fn score(&self, hypothesis: &Hypothesis, evidence: f64) -> f64 {
-        evidence + prior::log_beyond_scatter(hypothesis.effects.len(), self.effects)
-    }
-
-    /// Every hypothesis looked at, with its evidence [nat].
-    pub(super) fn known(&self) -> impl Iterator<Item = (&Vec<usize>, f64)> {
-        let screened = self.screened.iter().filter(|(effects, _)| !self.fitted.contains_key(*effects));
-        self.fitted
-            .iter()
-            .map(|(effects, (_, evidence))| (effects, *evidence))
-            .chain(screened.map(|(effects, evidence)| (effects, *evidence)))
-    }
-
-    pub(super) fn keep(&mut self, hypothesis: &Hypothesis) {
-        let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |(h, _)| h.evidence);
-        if hypothesis.evidence > known {
-            if hypothesis.effects.is_empty() {
-                self.none = hypothesis.clone();
-            }
-            self.fitted.insert(hypothesis.effects.clone(), (hypothesis.clone(), hypothesis.evidence));
-        }
-    }
-}
 
 impl Fitter<'_> {
     /// `u` of the nominal model.
@@ -137,17 +78,7 @@ impl Fitter<'_> {
     pub(super) fn begun(&self) -> Result<Option<(Hypothesis, Outcome)>> {
         let Some(nominal) = self.at_nominal()? else { return Ok(None) };
         let Some(none) = self.fit(&[], &nominal.u, None)? else { return Ok(None) };
-        let mut outcome = Outcome {
-            best: none.clone(),
-            none: none.clone(),
-            leftover: Leftover::none(),
-            fitted: BTreeMap::new(),
-            spurious: BTreeMap::new(),
-            screened: BTreeMap::new(),
-            screens: BTreeMap::new(),
-            effects: self.coordinates.sited.len(),
-        };
-        outcome.keep(&none);
+        let outcome = Outcome::begun(none, self.coordinates.sited.len());
         Ok(Some((nominal, outcome)))
     }
 
@@ -380,43 +311,5 @@ impl Fitter<'_> {
             }
         }
         Ok(best)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use nalgebra::DMatrix;
-
-    use super::*;
-
-    #[test]
-    fn effects_beyond_their_scatter_are_there_unless_the_evidence_says_little() {
-        let hypothesis = |effects: Vec<usize>, evidence| Hypothesis {
-            effects,
-            u: Vec::new(),
-            free: Vec::new(),
-            covariance: DMatrix::zeros(0, 0),
-            evidence,
-            residuals: Vec::new(),
-            columns: Vec::new(),
-        };
-        for (evidence, is_there) in [(3.0, true), (0.5, false)] {
-            let none = hypothesis(Vec::new(), 0.0);
-            let fitted = [none.clone(), hypothesis(vec![0], evidence)].map(|h| (h.effects.clone(), (h.clone(), h.evidence)));
-            let outcome = Outcome {
-                best: none.clone(),
-                none,
-                leftover: Leftover::none(),
-                fitted: fitted.into(),
-                spurious: BTreeMap::new(),
-                screened: [(vec![1], 0.0)].into(),
-                screens: BTreeMap::new(),
-                effects: 80,
-            };
-            assert!(prior::log(0, 80) > prior::log(1, 80) + evidence);
-            let probabilities = outcome.probabilities();
-            assert_eq!(probabilities[0].0 == [0], is_there, "{probabilities:?}");
-            approx::assert_relative_eq!(probabilities.iter().map(|(_, p)| p).sum::<f64>(), 1.0, epsilon = 1e-12);
-        }
     }
 }

@@ -6,7 +6,8 @@
 use raven::Result;
 
 use super::fit::{Fitter, Hypothesis};
-use super::search::{HOPE_NATS, Outcome};
+use super::outcome::Outcome;
+use super::search::HOPE_NATS;
 
 /// Evidence within which two causes are tied, what the best hypothesis leaves counting as noise [nat].
 pub const TIED_NATS: f64 = 3.0;

@@ -6,9 +6,9 @@
 use std::collections::BTreeMap;
 
 use super::fit::{Fitter, Hypothesis};
+use super::outcome::Outcome;
 use super::paired;
 use super::prior;
-use super::search::Outcome;
 
 /// An effect matters if it explains at least this part of what effects explain in one of the channels, and so much at all [nat].
 const MATERIAL: f64 = 0.005;
