@@ -223,12 +223,13 @@ impl Fitter<'_> {
         if !value.is_finite() {
             return Ok(None);
         }
-        // Each column, and where its coordinate was when it was taken.
-        let borrowed = |&c: &usize| {
-            let like = like?;
-            like.free.iter().position(|&f| f == c).map(|at| (like.columns[at].clone(), like.u[c]))
+        // Each column, and the point at which it was taken.
+        let borrowed = |(like, at): &(&Hypothesis, Arc<Vec<f64>>), c: usize| {
+            like.free.iter().position(|&f| f == c).map(|k| (like.columns[k].clone(), at.clone()))
         };
-        let mut columns: Vec<Option<(Column, f64)>> = free.iter().map(borrowed).collect();
+        let like = like.map(|like| (like, Arc::new(like.u.clone())));
+        let mut columns: Vec<Option<(Column, Arc<Vec<f64>>)>> =
+            free.iter().map(|&c| like.as_ref().and_then(|like| borrowed(like, c))).collect();
         let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
         let (links_of_joints, steps) = match following {
             Following::Settled | Following::Held => (Links::Settled, STEPS_MAX),
@@ -243,13 +244,21 @@ impl Fitter<'_> {
         let mut holds = following == Following::Held;
         let mut information = DMatrix::zeros(0, 0);
         for _ in 0..steps {
-            let stale = |&k: &usize| columns[k].as_ref().is_none_or(|(_, at)| (u[free[k]] - at).abs() > if own(k) { 0.0 } else { MOVED });
-            let stale: Vec<usize> = (0..free.len()).filter(stale).collect();
+            // Slopes by what belongs to a law go by how much there is of it: where friction holds nothing, it does not matter where it held a joint.
+            let has_moved = |k: usize, at: &[f64]| {
+                let most = if own(k) { 0.0 } else { MOVED };
+                let moved = |c: usize| (u[c] - at[c]).abs() > most;
+                let coordinate = self.coordinates.all[free[k]];
+                let is_of_law = coordinate.is_unknown() || !self.scale(free[k]).is_size();
+                moved(free[k]) || is_of_law && self.coordinates.of(coordinate.effect).any(moved)
+            };
+            let stale: Vec<usize> = (0..free.len()).filter(|&k| columns[k].as_ref().is_none_or(|(_, at)| has_moved(k, at))).collect();
+            let here = Arc::new(u.clone());
             for (there, links) in [(false, Links::Settled), (true, links_of_joints)] {
                 let stale: Vec<usize> = stale.iter().copied().filter(|&k| of_joints(k) == there).collect();
                 let coordinates: Vec<usize> = stale.iter().map(|&k| free[k]).collect();
                 for (&k, column) in stale.iter().zip(self.slopes(&u, &coordinates, links)?) {
-                    columns[k] = Some((column, u[free[k]]));
+                    columns[k] = Some((column, here.clone()));
                 }
             }
             let known: Vec<&[f64]> = columns.iter().flatten().map(|(column, _)| column.as_slice()).collect();
