@@ -147,6 +147,24 @@ fn a_joint_that_does_not_do_what_slopes_promise_does_not_keep_others_from_theirs
 }
 
 #[test]
+fn where_friction_held_a_joint_is_found_once_it_is_known_to_hold() {
+    // At first none of it holds, and where it does has no slope.
+    let places = [("link-coulomb-friction", [1, 0])];
+    let rows = Seen::new(&places, |numbers: &[Option<&[f64]>], _| {
+        let [factor, held, lag] = [0, 2, 3].map(|n| numbers[0].map_or(0.0, |u| u[n]));
+        let missed = [1.0 - factor, 0.9 - held, 0.8 - held * lag];
+        let row = |k: f64| k.sin() * missed[0] + (2.0 * k).sin() * missed[1] + k.cos() * missed[2];
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let nominal = fitter.at_nominal().unwrap().unwrap();
+    let fitted = fitter.fit(&[0], &nominal.u, Some(&nominal)).unwrap().unwrap();
+    let left = fitted.residuals.iter().map(|r| r * r).sum::<f64>();
+    assert!(fitted.u[3] > 0.7 && left < 10.0, "{left} at {:?}", fitted.u);
+}
+
+#[test]
 fn what_slopes_of_settled_links_leave_out_is_no_evidence_for_an_effect() {
     // A tolerance of the cable's stiffness does all of it where links are rolled out, and nothing where they are settled; a coupling of eight of its
     // own does either way.
