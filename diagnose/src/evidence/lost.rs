@@ -11,6 +11,8 @@
 //!
 //! A hypothesis with more effects can be where one with fewer is. Where it is farther from the recordings it is fitted again from there.
 
+use std::collections::BTreeSet;
+
 use raven::Result;
 use raven::effects::{Effect, Scale, Sited};
 use rayon::prelude::*;
@@ -46,7 +48,7 @@ impl Fitter<'_> {
 
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
-        if self.stood_in(outcome)? {
+        if self.stood_in(outcome)? || self.one_for_several(outcome)? {
             return Ok(true);
         }
         if self.explains_little(outcome) {
@@ -110,6 +112,31 @@ impl Fitter<'_> {
         self.closely(outcome, &others)
     }
 
+    /// Fits a slack in place of several effects of the best hypothesis that change how one joint follows its cable; as [`Self::closely`]. Beside
+    /// another effect the screen goes by settled links, which see little of a slack, so that a soft cable and its stiffening took what it does.
+    fn one_for_several(&self, outcome: &mut Outcome) -> Result<bool> {
+        let sited = &self.coordinates.sited;
+        let best = outcome.best.clone();
+        let joints: BTreeSet<usize> = best.effects.iter().filter_map(|&effect| self.followed(effect)).collect();
+        let mut other = false;
+        for joint in joints {
+            let follows = |effect: &usize| self.followed(*effect) == Some(joint);
+            let (several, rest): (Vec<usize>, Vec<usize>) = best.effects.iter().partition(|effect| follows(effect));
+            if several.len() < 2 || several.iter().any(|&effect| self.is_loose(effect)) {
+                continue;
+            }
+            let without = several.iter().fold(best.u.clone(), |u, &effect| self.without(effect, &u));
+            let known = outcome.fitted.get(&rest).map(|(known, _)| known.clone());
+            let Some(rest) = (if known.is_some() { known } else { self.fit(&rest, &without, Some(&best))? }) else { continue };
+            outcome.keep(&rest);
+            let slacks = (0..sited.len()).filter(|&effect| follows(&effect) && self.is_loose(effect));
+            let starts: Vec<_> =
+                slacks.flat_map(|effect| self.starts(effect, &rest.u).into_iter().map(move |start| (effect, start))).collect();
+            other |= self.begun_again(outcome, &rest, &starts, &[Following::Held, Following::Settled])?;
+        }
+        Ok(other)
+    }
+
     /// Goes on with hypotheses by slopes of rolled-out links. Tells whether one of them is better than the best, which it then is.
     fn closely(&self, outcome: &mut Outcome, hypotheses: &[Hypothesis]) -> Result<bool> {
         let closely = |h: &Hypothesis| self.fit_with(&h.effects, &h.u, None, Following::RolledOut);
@@ -147,12 +174,13 @@ impl Fitter<'_> {
         self.begun_again(outcome, nominal, &starts, &[Following::Held])
     }
 
-    /// Fits single effects from the nominal model and these numbers of theirs in several ways; as [`Self::closely`].
-    fn begun_again(&self, outcome: &mut Outcome, nominal: &Hypothesis, starts: &[(usize, Vec<f64>)], ways: &[Following]) -> Result<bool> {
+    /// Fits effects, each beside those of `base`, from there and these numbers of theirs in several ways; as [`Self::closely`].
+    fn begun_again(&self, outcome: &mut Outcome, base: &Hypothesis, starts: &[(usize, Vec<f64>)], ways: &[Following]) -> Result<bool> {
         let fitted = |(effect, start): &(usize, Vec<f64>)| {
-            let mut u = nominal.u.clone();
+            let mut u = base.u.clone();
             self.coordinates.of(*effect).zip(start).for_each(|(c, value)| u[c] = *value);
-            let fits = ways.iter().map(|&following| self.fit_with(&[*effect], &u, Some(nominal), following));
+            let effects = [base.effects.as_slice(), &[*effect]].concat();
+            let fits = ways.iter().map(|&following| self.fit_with(&effects, &u, Some(base), following));
             fits.collect::<Result<Vec<Option<Hypothesis>>>>()
         };
         let fitted: Result<Vec<Vec<Option<Hypothesis>>>> = starts.par_iter().map(fitted).collect();
