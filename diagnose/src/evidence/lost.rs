@@ -6,6 +6,8 @@
 //! fitted again from the nominal model at several sizes, and so is a slack that leaves something: first all other numbers with these held, then
 //! everything. A slack whose size is known begins by settled slopes as well: held, a large one can go astray.
 //!
+//! Several effects of how one joint follows its cable may stand in for a slack, which settled links do not see beside another effect.
+//!
 //! A soft cable is fitted on by slopes of rolled-out links before anything is looked for beside it, and what an effect is known to stand in for is
 //! fitted from the values that do about the same: from far away a soft cable's slopes lead anywhere, but creep that is over within seconds is one.
 //!
@@ -112,8 +114,7 @@ impl Fitter<'_> {
         self.closely(outcome, &others)
     }
 
-    /// Fits a slack in place of several effects of the best hypothesis that change how one joint follows its cable; as [`Self::closely`]. Beside
-    /// another effect the screen goes by settled links, which see little of a slack, so that a soft cable and its stiffening took what it does.
+    /// Fits a slack in place of several effects of the best hypothesis that change how one joint follows its cable; as [`Self::closely`].
     fn one_for_several(&self, outcome: &mut Outcome) -> Result<bool> {
         let sited = &self.coordinates.sited;
         let best = outcome.best.clone();

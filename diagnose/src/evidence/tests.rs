@@ -245,3 +245,24 @@ fn a_soft_cable_is_found_where_creep_stands_in_for_it() {
     let values = coordinates.values(outcome.best.effects[0], &outcome.best.u);
     approx::assert_relative_eq!(values[0], 1.0 / 38.0, max_relative = 1e-2);
 }
+
+#[test]
+fn a_slack_beside_another_effect_is_found_where_a_cable_and_its_stiffening_stand_in_for_it() {
+    // A payload comes first, and beside it settled links, which know nothing of a slack, have something to say of the elbow's cable alone.
+    let effects = [("payload", [0, 0]), ("backlash", [1, 0]), ("cable-stretch", [1, 0]), ("cable-stiffening", [1, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [loaded, slack, soft, stiffening] = [0, 1, 2, 3].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let stiffened = if numbers[3].is_some() { (-2.0 * stiffening).exp() } else { 0.0 };
+        let slack = if links == Links::RolledOut { slack } else { 0.0 };
+        let row = |k: f64| {
+            let elbow = k.cos() * (0.7 - slack - soft) + (2.0 * k).sin() * (0.7 * soft - stiffened) + (3.0 * k).sin() * 0.1 * soft;
+            3.0 * k.sin() * (1.0 - loaded) + elbow
+        };
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
+    let mut named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
+    named.sort_unstable();
+    assert_eq!(named, ["backlash", "payload"]);
+}
