@@ -257,7 +257,7 @@ impl Fitter<'_> {
     }
 
     /// Fits a candidate. With one more effect than `from` it can do no worse: where it got lost on the way it starts again from there.
-    fn fitted_at_least(&self, candidate: &Candidate, like: &Hypothesis, from: &Hypothesis) -> Result<Option<Hypothesis>> {
+    pub(super) fn fitted_at_least(&self, candidate: &Candidate, like: &Hypothesis, from: &Hypothesis) -> Result<Option<Hypothesis>> {
         let first = self.fit(&candidate.effects, &candidate.start, Some(like))?;
         let is_richer = from.effects.iter().all(|effect| candidate.effects.contains(effect));
         if !is_richer || first.as_ref().is_some_and(|h| !self.is_lost(h, from)) {
