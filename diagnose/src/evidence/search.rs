@@ -99,7 +99,9 @@ impl Fitter<'_> {
             let least = if round == 1 { REFITTED[0] } else { 0 };
             let count = [least, candidates.iter().filter(hopeful).count().clamp(least, REFITTED[1])];
             let Some(mut best) = self.refitted(outcome, candidates, &count, &point)? else { break };
-            if let Some(again) = self.fitted_as(&outcome.best, &best)? {
+            let again = self.fitted_as(&outcome.best, &best)?;
+            let is_elsewhere = again.as_ref().is_some_and(|again| again.evidence > outcome.best.evidence + HOPE_NATS);
+            if let Some(again) = again {
                 outcome.keep(&again);
                 outcome.best = again;
             }
@@ -116,10 +118,12 @@ impl Fitter<'_> {
                 best = self.reopened(outcome, best)?;
                 each();
             }
-            if !self.better(outcome, &best, &outcome.best) {
+            // Where the best hypothesis has been fitted again, what the screen said of others beside it no longer holds.
+            if self.better(outcome, &best, &outcome.best) {
+                outcome.best = best;
+            } else if round == 1 || !is_elsewhere {
                 break;
             }
-            outcome.best = best;
         }
         Ok(())
     }
