@@ -266,3 +266,24 @@ fn a_slack_beside_another_effect_is_found_where_a_cable_and_its_stiffening_stand
     named.sort_unstable();
     assert_eq!(named, ["backlash", "payload"]);
 }
+
+#[test]
+fn what_is_beside_an_effect_is_looked_for_where_that_has_been_fitted_again() {
+    // Settled links take a payload for twice of what it is, so that its fit stops at a ridge, unless a rolling shutter helps it over. Beyond,
+    // nothing is missing but a hard stop that is eight tolerances off.
+    let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0]), ("joint-offset", [0, 0])];
+    let nothing = Seen::new(&effects[2..], |_: &[Option<&[f64]>], _| vec![0.0; ROWS]);
+    let off = 8.0 * Coordinates::new(&nothing.robot, &nothing).all[0].spike.unwrap();
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [loaded, shutter, offset] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let payload = if links == Links::RolledOut { loaded } else { 2.0 * loaded };
+        let ridge = (-((loaded - 0.75) / 0.1).powi(2)).exp();
+        let row = |k: f64| 3.0 * k.sin() * (1.0 - payload) + (2.0 * k).sin() * (2.0 * ridge - shutter) + k.cos() * (1.0 - offset / off);
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
+    let mut named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
+    named.sort_unstable();
+    assert_eq!(named, ["joint-offset", "payload"]);
+}
