@@ -75,24 +75,32 @@ pub struct Ball {
     pub radius_px: f64,
 }
 
-/// What a residual is expected to be, in chroma and in luma.
+/// What a residual of one coordinate of colour is expected to be.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Weights {
+pub struct Expected {
     /// Standard deviation of the noise, grey levels.
-    pub noise: [f64; 2],
+    pub noise: f64,
     /// What the model misses at the edge, share of the contrast.
-    pub edge: [f64; 2],
+    pub edge: f64,
     /// What it misses inside, share of the brightness.
-    pub inside: [f64; 2],
+    pub inside: f64,
     /// Where a residual ceases to count by its square, in standard deviations.
     pub huber: f64,
+}
+
+/// What weighs in a fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// In chroma and in luma.
+    pub expected: [Expected; 2],
     /// Standard deviation of the coefficients of brightness of order 1 and 2, over the mean brightness.
     pub shade: [f64; 2],
 }
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { noise: [NOISE; 2], edge: [MODEL_ERROR[0]; 2], inside: [MODEL_ERROR[1]; 2], huber: HUBER, shade: BRIGHTNESS_STD }
+        let expected = Expected { noise: NOISE, edge: MODEL_ERROR[0], inside: MODEL_ERROR[1], huber: HUBER };
+        Self { expected: [expected; 2], shade: BRIGHTNESS_STD }
     }
 }
 
@@ -218,23 +226,23 @@ pub(crate) fn residuals(patch: &Patch, settled: &Settled) -> Vec<Residual> {
 
 #[inline(always)]
 fn add_residuals<S: Simd>(simd: S, residuals: &mut Vec<Residual>, patch: &Patch, settled: &Settled) {
-    let model = Model::new(simd, &settled.x, settled.shade, patch);
+    let model = Model::new(simd, &settled.x, settled.shade, patch.corner);
     for block in &patch.blocks {
-        let place = model.place(block);
-        let told = [model.tell(block, &place, CHROMA), model.tell(block, &place, LUMA)];
+        let place = model.place(block.u, block.v);
+        let told = [CHROMA, LUMA].map(|k| model.tell(&block.planes[k], &place, patch.channel(k)));
         residuals.extend((0..LANES).filter(|&i| told.iter().all(|told| told.tells.test(i))).map(|i| Residual::of(&told, i)));
     }
 }
 
 #[inline(always)]
 fn normal_of<S: Simd>(simd: S, x: &Vector, shade: Shade, patch: &Patch, weights: &Weights) -> Normal {
-    let model = Model::new(simd, x, shade, patch);
+    let model = Model::new(simd, x, shade, patch.corner);
     let mut sums = Sums::zero(simd);
     for block in &patch.blocks {
-        let place = model.place(block);
+        let place = model.place(block.u, block.v);
         for k in [CHROMA, LUMA] {
-            let told = model.tell(block, &place, k);
-            sums.add(&told, told.weights(simd, &block.planes[k], weights, k));
+            let told = model.tell(&block.planes[k], &place, patch.channel(k));
+            sums.add(&told, told.weights(simd, &block.planes[k], &weights.expected[k]));
         }
     }
     sums.over_lanes()
@@ -242,12 +250,12 @@ fn normal_of<S: Simd>(simd: S, x: &Vector, shade: Shade, patch: &Patch, weights:
 
 #[inline(always)]
 fn add_influences<S: Simd>(simd: S, influences: &mut [Vec<Influence>; 2], settled: &Settled, patch: &Patch, weights: &Weights) {
-    let model = Model::new(simd, &settled.x, settled.shade, patch);
+    let model = Model::new(simd, &settled.x, settled.shade, patch.corner);
     for block in &patch.blocks {
-        let place = model.place(block);
+        let place = model.place(block.u, block.v);
         for (k, influences) in influences.iter_mut().enumerate() {
-            let told = model.tell(block, &place, k);
-            let root_weights = told.weights(simd, &block.planes[k], weights, k).sqrt();
+            let told = model.tell(&block.planes[k], &place, patch.channel(k));
+            let root_weights = told.weights(simd, &block.planes[k], &weights.expected[k]).sqrt();
             let mut moves_px = [f32x16::splat(simd, 0.0); 2];
             for (j, row) in told.rows.iter().enumerate() {
                 for (axis, moves_px) in moves_px.iter_mut().enumerate() {

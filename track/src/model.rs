@@ -6,8 +6,8 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, mask32x16};
 
-use crate::centre::{BLUR, BRIGHTNESS, SIZE, Vector, Weights};
-use crate::patch::{Block, Patch, Samples};
+use crate::centre::{BLUR, BRIGHTNESS, Expected, SIZE, Vector};
+use crate::patch::{Lanes, Samples};
 
 /// Beyond so many blurs outside the outline a pixel tells nothing of the ball, and within so many all of it is marker.
 const OUTSIDE: f32 = 4.0;
@@ -31,8 +31,15 @@ pub(crate) struct Model<S> {
     simd: S,
     shade: Shade,
     x: [f32; SIZE],
-    /// Brightness of chroma and of luma over that of chroma.
-    gain: [f32; 2],
+}
+
+/// What one coordinate of colour shows of a ball.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Channel {
+    /// Which blur it has: that of chroma or of luma.
+    pub(crate) blur: usize,
+    /// The marker's colour over its chroma.
+    pub(crate) gain: f32,
 }
 
 /// Where pixels are on the outline's own scale.
@@ -63,19 +70,19 @@ pub(crate) struct Told<S: Simd> {
 }
 
 impl<S: Simd> Model<S> {
-    /// For pixels of `patch`.
+    /// For places that count from the pixel `corner` of the image.
     #[inline(always)]
-    pub(crate) fn new(simd: S, x: &Vector, shade: Shade, patch: &Patch) -> Self {
+    pub(crate) fn new(simd: S, x: &Vector, shade: Shade, corner: [u32; 2]) -> Self {
         let mut from_corner = *x;
-        from_corner[0] -= f64::from(patch.corner[0]);
-        from_corner[1] -= f64::from(patch.corner[1]);
-        Self { simd, shade, x: std::array::from_fn(|i| from_corner[i] as f32), gain: [1.0, patch.luma_per_chroma as f32] }
+        from_corner[0] -= f64::from(corner[0]);
+        from_corner[1] -= f64::from(corner[1]);
+        Self { simd, shade, x: std::array::from_fn(|i| from_corner[i] as f32) }
     }
 
     #[inline(always)]
-    pub(crate) fn place(&self, block: &Block) -> Place<S> {
-        let [u, v, radius, e, f, ..] = self.x;
-        let (dx, dy) = (f32x16::load_array(self.simd, block.u) - u, f32x16::load_array(self.simd, block.v) - v);
+    pub(crate) fn place(&self, u: Lanes, v: Lanes) -> Place<S> {
+        let [centre_u, centre_v, radius, e, f, ..] = self.x;
+        let (dx, dy) = (f32x16::load_array(self.simd, u) - centre_u, f32x16::load_array(self.simd, v) - centre_v);
         let (x, y) = (dx * (1.0 + e) + dy * f, dx * f + dy * (1.0 - e));
         let from_centre = (x * x + y * y).sqrt().max(1e-6);
         let (x, y) = (x / from_centre, y / from_centre);
@@ -83,11 +90,11 @@ impl<S: Simd> Model<S> {
         Place { dx, dy, from_centre, distance: from_centre - radius, nearer }
     }
 
-    /// In chroma or luma `k`.
+    /// In one coordinate of colour.
     #[inline(always)]
-    pub(crate) fn tell(&self, block: &Block, place: &Place<S>, k: usize) -> Told<S> {
-        let (radius, blur, gain) = (self.x[2], self.x[BLUR + k], self.gain[k]);
-        let [colour, background] = [block.planes[k].colour, block.planes[k].background].map(|of| f32x16::load_array(self.simd, of));
+    pub(crate) fn tell(&self, samples: &Samples, place: &Place<S>, channel: Channel) -> Told<S> {
+        let (radius, blur, gain) = (self.x[2], self.x[BLUR + channel.blur], channel.gain);
+        let [colour, background] = [samples.colour, samples.background].map(|of| f32x16::load_array(self.simd, of));
         let t = place.distance / blur;
         let tells = t.simd_le(OUTSIDE);
         let t = t.max(INSIDE).min(OUTSIDE);
@@ -107,7 +114,7 @@ impl<S: Simd> Model<S> {
         for (row, nearer) in rows.iter_mut().zip(&place.nearer) {
             *row = slope * *nearer;
         }
-        rows[BLUR + k] = slope * t;
+        rows[BLUR + channel.blur] = slope * t;
         for (row, term) in rows[BRIGHTNESS..].iter_mut().zip(&terms) {
             *row = share * gain * *term;
         }
@@ -140,17 +147,22 @@ impl<S: Simd> Model<S> {
 }
 
 impl<S: Simd> Told<S> {
-    /// Weights of the squared misses: the inverse of their expected squares, less for outliers.
+    /// Weights of the squared misses: the inverse of their expected squares, less for outliers; none of what tells nothing of the ball.
     #[inline(always)]
-    pub(crate) fn weights(&self, simd: S, samples: &Samples, weights: &Weights, k: usize) -> f32x16<S> {
-        let [noise, edge, inside] = [weights.noise[k], weights.edge[k], weights.inside[k]].map(|w| w as f32);
+    pub(crate) fn weights(&self, simd: S, samples: &Samples, expected: &Expected) -> f32x16<S> {
+        self.tells.select(self.trust(simd, samples, expected), f32x16::splat(simd, 0.0))
+    }
+
+    /// The same of all pixels, background as well.
+    #[inline(always)]
+    pub(crate) fn trust(&self, simd: S, samples: &Samples, expected: &Expected) -> f32x16<S> {
+        let [noise, edge, inside, huber] = [expected.noise, expected.edge, expected.inside, expected.huber].map(|e| e as f32);
         let texture = f32x16::load_array(simd, samples.texture);
         let background = 1.0 - self.share;
         let at_edge = self.share * background * self.contrast * (4.0 * edge);
         let within = self.share * self.bright * inside;
         let variance = background * background * texture + at_edge * at_edge + within * within + noise * noise;
-        let weight = (variance.sqrt() * weights.huber as f32 / self.miss.abs().max(1e-9)).min(1.0) / variance;
-        self.tells.select(weight, f32x16::splat(simd, 0.0))
+        (variance.sqrt() * huber / self.miss.abs().max(1e-9)).min(1.0) / variance
     }
 }
 
@@ -162,7 +174,7 @@ fn normal<S: Simd>(t: f32x16<S>) -> f32x16<S> {
 
 /// `e^x` to 2e-7 of it for `|x|` below 87, by a power of two and a Taylor series.
 #[inline(always)]
-fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
+pub(crate) fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
     // Adding it leaves a whole number in the lowest bits.
     const WHOLE: f32 = 12_582_912.0;
     let shifted = x * std::f32::consts::LOG2_E + WHOLE;

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use crate::bits::Bits;
 use crate::marker::Region;
+use crate::model::Channel;
 
 /// How far beyond the mask the background is looked at [px].
 pub const REACH_PX: u32 = 7;
@@ -175,6 +176,12 @@ impl Patch {
 }
 
 impl Patch {
+    /// Chroma or luma `k` of it.
+    #[inline(always)]
+    pub(crate) fn channel(&self, k: usize) -> Channel {
+        Channel { blur: k, gain: [1.0, self.luma_per_chroma as f32][k] }
+    }
+
     /// Every other pixel of it.
     pub(crate) fn chessboard(&self) -> Self {
         Self { blocks: self.blocks[..self.white].to_vec(), ..*self }

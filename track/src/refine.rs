@@ -11,9 +11,9 @@
 
 use fearless_simd::Simd;
 
-use crate::centre::{BRIGHTNESS, Settled, Weights, residuals};
+use crate::centre::{BRIGHTNESS, Expected, Settled, Weights, residuals};
 use crate::model::Told;
-use crate::patch::Patch;
+use crate::patch::{CHROMA, LUMA, Patch};
 
 /// Least noise: what rounding to whole grey levels leaves.
 const ROUNDING: f64 = 0.289;
@@ -60,8 +60,7 @@ pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
     let slope = common(|r| r.of[0].miss * r.of[1].miss) / chroma2;
     let patch = patch.without_common(slope);
     let all: Vec<Residual> = residuals(&patch, first);
-    let mut weights = Weights { huber: HUBER, ..Weights::default() };
-    for k in 0..2 {
+    let expected = [CHROMA, LUMA].map(|k| {
         let square = |seen: &Seen| seen.miss * seen.miss;
         let noise2 = robust_mean(all.iter().filter(|r| r.is_away()).map(|r| square(&r.of[k]))).max(ROUNDING * ROUNDING);
         let beyond = |wanted: fn(&Residual) -> bool, scale: fn(&Seen) -> f64| {
@@ -70,12 +69,14 @@ pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
             let scale2 = there().map(|r| scale(&r.of[k]).powi(2)).sum::<f64>() / there().count().max(1) as f64;
             if scale2 > 0.0 { (excess.max(0.0) / scale2).sqrt() } else { 0.0 }
         };
-        weights.noise[k] = noise2.sqrt();
-        weights.edge[k] = beyond(|r| !r.is_away(), |seen| 4.0 * seen.share * (1.0 - seen.share) * seen.contrast);
-        weights.inside[k] = beyond(|r| r.is_away() && r.of[0].share > 0.5, |seen| seen.bright);
-    }
-    weights.shade = shade(first);
-    (patch.without_noise(weights.noise.map(|noise| noise * noise)), weights)
+        Expected {
+            noise: noise2.sqrt(),
+            edge: beyond(|r| !r.is_away(), |seen| 4.0 * seen.share * (1.0 - seen.share) * seen.contrast),
+            inside: beyond(|r| r.is_away() && r.of[0].share > 0.5, |seen| seen.bright),
+            huber: HUBER,
+        }
+    });
+    (patch.without_noise(expected.map(|e| e.noise * e.noise)), Weights { expected, shade: shade(first) })
 }
 
 /// Mean of squares or products, without the largest that outliers make: values beyond twenty times the median magnitude are left

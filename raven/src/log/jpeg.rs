@@ -13,7 +13,7 @@
 const SEQUENTIAL: [u8; 2] = [0xc0, 0xc1];
 const FRAMES: std::ops::RangeInclusive<u8> = 0xc0..=0xcf;
 const NO_FRAMES: [u8; 3] = [0xc4, 0xc8, 0xcc];
-const SCAN: u8 = 0xda;
+pub(super) const SCAN: u8 = 0xda;
 /// Rows decoded together are a multiple of this many, but for the rare samplings by four.
 const UNIT: u32 = 16;
 /// Rows above the end of an image whose chroma may lack what is below.
@@ -31,27 +31,69 @@ struct Header {
 
 impl Header {
     fn of(bytes: &[u8]) -> Option<Self> {
-        let mut at = bytes.starts_with(&[0xff, 0xd8]).then_some(2)?;
         let mut header: Option<(Self, u8)> = None;
-        loop {
-            let [0xff, marker, high, low] = *bytes.get(at..)?.first_chunk()? else { return None };
-            if marker == 0xff {
-                // Padding before a marker.
-                at += 1;
-                continue;
-            }
-            let content = bytes.get(at + 4..)?;
-            if marker == SCAN {
+        for segment in Segments::of(bytes) {
+            if segment.marker == SCAN {
                 let (header, components) = header?;
-                let all = content.first() == Some(&components);
+                let all = segment.content.first() == Some(&components);
                 return Some(Self { in_one_pass: header.in_one_pass && all, ..header });
             }
-            if FRAMES.contains(&marker) && !NO_FRAMES.contains(&marker) {
-                let [_, h1, h0, w1, w0, components] = *content.first_chunk()?;
+            if segment.is_frame() {
+                let [_, h1, h0, w1, w0, components] = *segment.content.first_chunk()?;
                 let (height, width) = (u16::from_be_bytes([h1, h0]), u16::from_be_bytes([w1, w0]));
-                header = Some((Self { height_at: at + 5, width, height, in_one_pass: SEQUENTIAL.contains(&marker) }, components));
+                let in_one_pass = SEQUENTIAL.contains(&segment.marker);
+                header = Some((Self { height_at: segment.at + 1, width, height, in_one_pass }, components));
             }
-            at += 2 + usize::from(u16::from_be_bytes([high, low]));
+        }
+        None
+    }
+}
+
+/// One segment of a file.
+pub(super) struct Segment<'a> {
+    /// What it is.
+    pub(super) marker: u8,
+    /// Where its content begins in the file.
+    at: usize,
+    /// What follows its length.
+    pub(super) content: &'a [u8],
+}
+
+impl Segment<'_> {
+    /// Whether it is a frame header.
+    pub(super) fn is_frame(&self) -> bool {
+        FRAMES.contains(&self.marker) && !NO_FRAMES.contains(&self.marker)
+    }
+}
+
+/// The segments of a file up to the first one that is not whole, the first scan's header the last that are headers.
+pub(super) struct Segments<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Segments<'a> {
+    /// Of a JPEG file; none of anything else.
+    pub(super) fn of(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: if bytes.starts_with(&[0xff, 0xd8]) { 2 } else { bytes.len() } }
+    }
+}
+
+impl<'a> Iterator for Segments<'a> {
+    type Item = Segment<'a>;
+
+    fn next(&mut self) -> Option<Segment<'a>> {
+        loop {
+            let [0xff, marker, high, low] = *self.bytes.get(self.at..)?.first_chunk()? else { return None };
+            if marker == 0xff {
+                // Padding before a marker.
+                self.at += 1;
+                continue;
+            }
+            let length = usize::from(u16::from_be_bytes([high, low]));
+            let (at, end) = (self.at + 4, self.at + 2 + length);
+            self.at = end;
+            return self.bytes.get(at..end).map(|content| Segment { marker, at, content });
         }
     }
 }
