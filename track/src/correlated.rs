@@ -36,10 +36,10 @@ const LEAST_LEFT: f64 = 0.25;
 /// Variance of the centre, mean of its axes [px^2], from the planes' pixels and the number of unknowns that they determined; residuals count
 /// as no smaller than expected.
 #[must_use]
-pub fn centre_variance_px2(planes: &[Vec<Influence>; 2], unknowns: f64) -> f64 {
-    let [chroma, luma] = planes.each_ref().map(|plane| dispatch!(*LEVEL, simd => Plane::of(simd, plane)));
-    let left = 1.0 - unknowns / (chroma.independent + luma.independent).max(1.0);
-    (chroma.variance_px2 + luma.variance_px2) / left.max(LEAST_LEFT)
+pub fn centre_variance_px2(planes: &[Vec<Influence>], unknowns: f64) -> f64 {
+    let planes: Vec<Plane> = planes.iter().map(|plane| dispatch!(*LEVEL, simd => Plane::of(simd, plane))).collect();
+    let left = 1.0 - unknowns / planes.iter().map(|plane| plane.independent).sum::<f64>().max(1.0);
+    planes.iter().map(|plane| plane.variance_px2).sum::<f64>() / left.max(LEAST_LEFT)
 }
 
 /// What one plane tells.

@@ -83,10 +83,11 @@ impl Search {
     pub fn look(&self, frame: &CameraFrame, expected: &View) -> Result<Found> {
         let radius_px = self.marker.radius_m * expected.px_per_m;
         let mut side = self.side_px.max(REGION_RADII * radius_px);
+        let sampling = frame.sampling();
         loop {
             let region = Region::around(&expected.pixel, side as u32);
             let image = frame.decode_rgb_top(region.end())?;
-            let blobs = Blobs::find(&image, Some(region), &self.marker.colour);
+            let blobs = Blobs::find(&image, Some(region), &self.marker.colour).sampled(sampling.as_ref());
             let candidates: Vec<Candidate> = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, radius_px)).collect();
             if !candidates.is_empty() || side >= self.largest_px() || !blobs.found.iter().any(|blob| blob.cut_off) {
                 return Ok(Found { candidates, blobs: blobs.found.len(), region });

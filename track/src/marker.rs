@@ -13,12 +13,15 @@
 
 use image::RgbImage;
 use nalgebra::Vector2;
+use raven::log::Sampling;
 
 use crate::bits::Bits;
 use crate::centre::{self, Ball};
 use crate::colour::MarkerColour;
 use crate::outline::{self, Moments, Pixel};
-use crate::patch::{Bounds, Patch, REACH_PX};
+use crate::patch::Patch;
+use crate::squares::Squares;
+use crate::surroundings::{Bounds, REACH_PX, Surroundings};
 
 /// A rectangle of an image [px].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,6 +108,7 @@ const FEWEST_PX: f64 = 28.0;
 pub struct Blobs<'i> {
     image: &'i RgbImage,
     region: Region,
+    sampling: Option<&'i Sampling>,
     mask: Bits,
     /// The blobs, the largest first.
     pub found: Vec<Blob>,
@@ -119,7 +123,13 @@ impl<'i> Blobs<'i> {
         let mask = colour.mask(image, region).clean();
         let mut found: Vec<Blob> = outline::outlines(&mask).iter().filter_map(|outline| blob(region, outline)).collect();
         found.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
-        Self { image, region, mask, found }
+        Self { image, region, sampling: None, mask, found }
+    }
+
+    /// The same of an image that was decoded from a JPEG file that holds colour so.
+    #[must_use]
+    pub fn sampled(self, sampling: Option<&'i Sampling>) -> Self {
+        Self { sampling, ..self }
     }
 
     /// The centre of a blob of this image, with its standard deviation per axis and the radius. Where no ball fits, or the blob is small or
@@ -131,8 +141,12 @@ impl<'i> Blobs<'i> {
         if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
             return contour;
         }
-        let patch = Patch::cut(self.image, self.region, &self.mask, blob.bounds);
-        patch.and_then(|patch| centre::fit(&patch, blob.contour_px, disc_px, kind == Centre::Refined)).unwrap_or(contour)
+        let fit = || {
+            let around = Surroundings::of(self.image, self.region, &self.mask, blob.bounds)?;
+            let squares = self.sampling.and_then(|sampling| Squares::of(&around, sampling));
+            centre::fit(&Patch::of(&around)?, squares.as_ref(), blob.contour_px, disc_px, kind == Centre::Refined)
+        };
+        fit().unwrap_or(contour)
     }
 }
 

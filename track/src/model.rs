@@ -6,8 +6,9 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, mask32x16};
 
-use crate::centre::{BLUR, BRIGHTNESS, Expected, SIZE, Vector};
+use crate::centre::{BLUR, BRIGHTNESS, SIZE, Vector};
 use crate::patch::{Lanes, Samples};
+use crate::pixels::Expected;
 
 /// Beyond so many blurs outside the outline a pixel tells nothing of the ball, and within so many all of it is marker.
 const OUTSIDE: f32 = 4.0;
@@ -174,7 +175,7 @@ fn normal<S: Simd>(t: f32x16<S>) -> f32x16<S> {
 
 /// `e^x` to 2e-7 of it for `|x|` below 87, by a power of two and a Taylor series.
 #[inline(always)]
-pub(crate) fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
+fn exp<S: Simd>(x: f32x16<S>) -> f32x16<S> {
     // Adding it leaves a whole number in the lowest bits.
     const WHOLE: f32 = 12_582_912.0;
     let shifted = x * std::f32::consts::LOG2_E + WHOLE;

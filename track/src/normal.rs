@@ -51,6 +51,11 @@ impl<S: Simd> Sums<S> {
 }
 
 impl Normal {
+    /// From its parts.
+    pub(crate) const fn new(matrix: Matrix, vector: Vector, square: f64) -> Self {
+        Self { matrix, vector, square }
+    }
+
     /// The step, where a prior of this stiffness is so far away, and the factors of the matrix, whose inverse is the covariance.
     pub(crate) fn solve(&self, stiffness: &Vector, to_prior: &Vector) -> Option<(Vector, Cholesky<f64, Const<SIZE>>)> {
         let factors = (self.matrix + Matrix::from_diagonal(stiffness)).cholesky()?;

@@ -11,9 +11,10 @@
 
 use fearless_simd::Simd;
 
-use crate::centre::{BRIGHTNESS, Expected, Settled, Weights, residuals};
+use crate::centre::{BRIGHTNESS, Settled};
 use crate::model::Told;
 use crate::patch::{CHROMA, LUMA, Patch};
+use crate::pixels::{Expected, Weights, residuals};
 
 /// Least noise: what rounding to whole grey levels leaves.
 const ROUNDING: f64 = 0.289;
@@ -81,7 +82,7 @@ pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
 
 /// Mean of squares or products, without the largest that outliers make: values beyond twenty times the median magnitude are left
 /// out, of squares of normal deviates one in 4000.
-fn robust_mean(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn robust_mean(values: impl Iterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.collect();
     let magnitude = raven::stats::median(&values.iter().map(|v| v.abs()).collect::<Vec<f64>>()).unwrap_or(0.0);
     let near = values.iter().filter(|v| v.abs() <= 20.0 * magnitude);
@@ -90,7 +91,7 @@ fn robust_mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Standard deviations of the coefficients of brightness of order 1 and 2 over the mean: what is left of their squares beyond their variance.
-fn shade(first: &Settled) -> [f64; 2] {
+pub(crate) fn shade(first: &Settled) -> [f64; 2] {
     let mean = first.x[BRIGHTNESS].abs().max(1e-9);
     let variance = first.variance();
     let of = |range: std::ops::Range<usize>| {

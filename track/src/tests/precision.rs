@@ -5,7 +5,7 @@ use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use raven::log::{CameraFrame, FrameData, Side, Stamp};
+use raven::log::{CameraFrame, FrameData, Sampling, Side, Stamp};
 use raven::stats::rms;
 use rayon::prelude::*;
 
@@ -17,13 +17,13 @@ use crate::marker::{Blobs, Centre};
 const TRIALS: u64 = 100;
 
 /// RMS error per axis [px] of a kind of centre over many places in the pixel grid.
-fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) -> RgbImage + Sync) -> Vec<f64> {
+fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) -> (RgbImage, Option<Sampling>) + Sync) -> Vec<f64> {
     let one = |seed| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let shift = Vector2::new(rng.random_range(-8.0..8.0), rng.random_range(-8.0..8.0));
         let here = Drawn { centre: drawn.centre + shift, ..drawn };
-        let image = sent(here.photograph(1.0, noise, &mut rng));
-        let blobs = Blobs::find(&image, None, &MarkerColour::default());
+        let (image, sampling) = sent(here.photograph(1.0, noise, &mut rng));
+        let blobs = Blobs::find(&image, None, &MarkerColour::default()).sampled(sampling.as_ref());
         kinds.iter().map(|kind| (blobs.centre(&blobs.found[0], *kind).centre_px - here.centre).norm_squared()).collect::<Vec<f64>>()
     };
     let squares: Vec<Vec<f64>> = (0..TRIALS).into_par_iter().map(one).collect();
@@ -31,7 +31,7 @@ fn rms_px(drawn: Drawn, noise: f64, kinds: &[Centre], sent: impl Fn(RgbImage) ->
 }
 
 /// Through a webcam's JPEG file; a sample of chroma is the mean of its pixels.
-fn compressed(image: &RgbImage, quality: u8, sampling: SamplingFactor) -> RgbImage {
+fn compressed(image: &RgbImage, quality: u8, sampling: SamplingFactor) -> (RgbImage, Option<Sampling>) {
     let mut jpeg = Vec::new();
     let mut encoder = Encoder::new(&mut jpeg, quality);
     encoder.set_sampling_factor(sampling);
@@ -45,7 +45,7 @@ fn compressed(image: &RgbImage, quality: u8, sampling: SamplingFactor) -> RgbIma
         sequence: None,
         data: FrameData::Jpeg(jpeg),
     };
-    frame.decode_rgb().unwrap()
+    (frame.decode_rgb().unwrap(), frame.sampling())
 }
 
 const KINDS: [Centre; 3] = [Centre::Contour, Centre::Ball, Centre::Refined];
@@ -59,7 +59,7 @@ fn raw_frames_come_near_the_bound() {
             // Of all places in the pixel grid, as the errors are.
             let at = |x: f64, y: f64| Drawn { centre: drawn.centre + Vector2::new(x, y), ..drawn }.bound_px(noise);
             let bound = rms(&[at(0.0, 0.0), at(0.0, 0.5), at(0.5, 0.0), at(0.5, 0.5)]).unwrap();
-            let [contour, ball, refined] = rms_px(drawn, noise, &KINDS, |image| image).try_into().unwrap();
+            let [contour, ball, refined] = rms_px(drawn, noise, &KINDS, |image| (image, None)).try_into().unwrap();
             let case = format!(
                 "light {:.1}, radius {radius_px} px, noise {noise}: bound {bound:.4} px, contour {contour:.4} ({:.1}), ball {ball:.4} ({:.2}), \
                  refined {refined:.4} ({:.2})",
@@ -115,8 +115,8 @@ fn square_over_variance(lights: &[Vector3<f64>], gamma: f64, of: impl Fn(f64) ->
             let shift = Vector2::new(rng.random_range(-8.0..8.0), rng.random_range(-8.0..8.0));
             let here = Drawn { centre: drawn.centre + shift, ..drawn };
             let image = here.photograph(gamma, 3.0, &mut rng);
-            let image = sampling.map_or(image.clone(), |sampling| compressed(&image, 85, sampling));
-            let blobs = Blobs::find(&image, None, &MarkerColour::default());
+            let (image, sampling) = sampling.map_or((image.clone(), None), |sampling| compressed(&image, 85, sampling));
+            let blobs = Blobs::find(&image, None, &MarkerColour::default()).sampled(sampling.as_ref());
             let ball = blobs.centre(&blobs.found[0], Centre::Ball);
             let off_px = ball.centre_px - here.centre;
             ratio += off_px.norm_squared() / (2.0 * of(ball.std_px)) / trials as f64;

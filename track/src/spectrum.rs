@@ -1,0 +1,218 @@
+//! What the squares of a JPEG file say of a ball, by their spectrum.
+//!
+//! A square's 64 coefficients were rounded each to a multiple of its own step `q`, so that with noise of standard deviation `s` in the file's
+//! samples a coefficient errs by
+//!
+//! ```text
+//! variance = s^2 + q^2 / 12
+//! ```
+//!
+//! and independently of the others. Over pixels these errors are neither white nor the same everywhere, and of the high frequencies, whose
+//! steps are large, hardly anything is known. With `C` the cosine transform, `V` the variances and `t` what each sample can be trusted, 1
+//! but for texture behind the ball and for what fits badly, the misses `r` of a square count as
+//!
+//! ```text
+//! r' t C' V^-1 C t r
+//! ```
+//!
+//! Samples that are not looked at have no trust, as if they were as the model has them.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f32x16};
+
+use crate::centre::{BLUR, BRIGHTNESS, Evidence, Matrix, SIZE, Settled, Vector};
+use crate::correlated::Influence;
+use crate::cosines::{COUNT, SIDE, cosines, samples};
+use crate::model::{Model, Shade};
+use crate::normal::Normal;
+use crate::patch::{LANES, LUMA};
+use crate::pixels::Expected;
+use crate::refine::{robust_mean, shade};
+use crate::sieve::LEVEL;
+use crate::squares::{PLANES, Square, Squares};
+
+/// Where the miss is among the lanes that are transformed; before it are the derivatives, see [`unknown`].
+const MISS: usize = LANES - 1;
+const _: () = assert!(unknown(MISS - 1, LUMA) == SIZE - 1);
+/// A sample with less of the marker than this, or of the background, is away from the edge.
+const AWAY: f32 = 0.02;
+/// Variance that rounding to whole grey levels leaves.
+const ROUNDING2: f64 = 1.0 / 12.0;
+/// Where a sample loses trust, in standard deviations of those away from the edge.
+const HUBER: f64 = 2.5;
+/// Standard deviation in a file's samples, grey levels: where the search for it begins, and the least, as no ball is quite as the model.
+const NOISE: f64 = 2.0;
+const LEAST_NOISE: f64 = 1.5;
+/// A coefficient counts as no farther off than so many standard deviations in that search.
+const FAR: f64 = 3.0;
+
+/// A file's squares with what is expected of them.
+pub(crate) struct Spectrum<'s> {
+    squares: &'s Squares,
+    expected: [Expected; PLANES],
+    /// Inverse variances of the coefficients.
+    weights: [[f32; COUNT]; PLANES],
+    shade: [f64; 2],
+}
+
+/// Derivatives and miss in the lanes of each coefficient, or of each sample.
+type Transformed<S> = [f32x16<S>; COUNT];
+
+impl<'s> Spectrum<'s> {
+    /// With the weights that a fit gives.
+    pub(crate) fn weighed(squares: &'s Squares, fit: &Settled) -> Self {
+        let noise = dispatch!(*LEVEL, simd => away(simd, squares, fit)).map(|away2| robust_mean(away2.into_iter()).max(ROUNDING2).sqrt());
+        let expected = noise.map(|noise| Expected { noise, edge: 0.0, inside: 0.0, huber: HUBER });
+        let mut spectrum = Self { squares, expected, weights: [[0.0; COUNT]; PLANES], shade: shade(fit) };
+        let noise2 = dispatch!(*LEVEL, simd => spectrum.noise2(simd, fit));
+        for (plane, weights) in spectrum.weights.iter_mut().enumerate() {
+            for (weight, step) in weights.iter_mut().zip(&squares.steps[plane]) {
+                *weight = 1.0 / (noise2[plane] as f32 + step * step / 12.0);
+            }
+        }
+        spectrum
+    }
+
+    /// Variance of the noise in each plane's samples before the file was made: what the coefficients miss beyond their rounding, those of
+    /// small steps weighing most.
+    #[inline(always)]
+    fn noise2<S: Simd>(&self, simd: S, fit: &Settled) -> [f64; PLANES] {
+        let mut sums = [[0.0, 1e-12]; PLANES];
+        self.each(simd, &fit.x, fit.shade, |plane, _, lanes| {
+            for (coefficient, step) in lanes.iter().zip(&self.squares.steps[plane]) {
+                let rounding2 = f64::from(step * step) / 12.0;
+                let expected2 = rounding2 + NOISE * NOISE;
+                let square = f64::from(coefficient[MISS]).powi(2).min(FAR * FAR * expected2);
+                sums[plane][0] += (square - rounding2) * expected2.powi(-2);
+                sums[plane][1] += expected2.powi(-2);
+            }
+        });
+        sums.map(|[sum, weight]| (sum / weight).max(LEAST_NOISE * LEAST_NOISE))
+    }
+
+    /// Hands over each square's coefficients in each of its planes, where something of the ball is in it.
+    #[inline(always)]
+    fn each<S: Simd>(&self, simd: S, x: &Vector, shade: Shade, mut take: impl FnMut(usize, &Square, &Transformed<S>)) {
+        let model = Model::new(simd, x, shade, self.squares.corner);
+        for square in &self.squares.all {
+            for (plane, slot) in square.planes() {
+                if let Some(lanes) = self.coefficients(simd, &model, square, plane, slot) {
+                    take(plane, square, &lanes);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn coefficients<S: Simd>(&self, simd: S, model: &Model<S>, square: &Square, plane: usize, slot: usize) -> Option<Transformed<S>> {
+        let (channel, expected) = (self.squares.channels[plane], &self.expected[plane]);
+        let mut lanes = [[0.0; LANES]; COUNT];
+        let mut tells = false;
+        for (block, lanes) in square.blocks.iter().zip(lanes.as_chunks_mut::<LANES>().0) {
+            let mut samples = block.planes[slot];
+            samples.without_noise(self.squares.everywhere[plane], expected.noise * expected.noise);
+            let told = model.tell(&samples, &model.place(block.u, block.v), channel);
+            tells |= told.tells.any_true();
+            let trust = (told.trust(simd, &samples, expected).sqrt() * expected.noise as f32).min(1.0);
+            let trust = block.is_looked_at(simd).select(trust, f32x16::splat(simd, 0.0));
+            let mut put = |lane: usize, values: f32x16<S>| {
+                for (lanes, value) in lanes.iter_mut().zip((values * trust).to_array()) {
+                    lanes[lane] = value;
+                }
+            };
+            (0..MISS).for_each(|lane| put(lane, told.rows[unknown(lane, channel.blur)]));
+            put(MISS, told.miss);
+        }
+        tells.then(|| cosines(lanes.map(|lanes| f32x16::load_array(simd, lanes))))
+    }
+
+    #[inline(always)]
+    fn normal_of<S: Simd>(&self, simd: S, x: &Vector, shade: Shade) -> Normal {
+        // Luma has one blur, Cb and Cr the other.
+        let mut sums = [[f32x16::splat(simd, 0.0); LANES]; 2];
+        self.each(simd, x, shade, |plane, _, lanes| {
+            let sums = &mut sums[self.squares.channels[plane].blur];
+            for (coefficient, weight) in lanes.iter().zip(self.weights[plane]) {
+                let weighted = (*coefficient * weight).to_array();
+                for (sum, weighted) in sums.iter_mut().zip(weighted) {
+                    *sum = coefficient.mul_add(f32x16::splat(simd, weighted), *sum);
+                }
+            }
+        });
+        let (mut matrix, mut vector, mut square) = (Matrix::zeros(), Vector::zeros(), 0.0);
+        for (blur, sums) in sums.iter().enumerate() {
+            for (i, row) in sums[..MISS].iter().enumerate() {
+                (0..MISS).for_each(|j| matrix[(unknown(i, blur), unknown(j, blur))] += f64::from(row[j]));
+                vector[unknown(i, blur)] += f64::from(row[MISS]);
+            }
+            square += f64::from(sums[MISS][MISS]);
+        }
+        Normal::new(matrix, vector, square)
+    }
+
+    /// A whitened square goes back to its samples, where neighbours that err together are near one another.
+    #[inline(always)]
+    fn add_influences<S: Simd>(&self, simd: S, planes: &mut [Vec<Influence>], fit: &Settled) {
+        let centre_by = fit.centre_by();
+        self.each(simd, &fit.x, fit.shade, |plane, square, lanes| {
+            let blur = self.squares.channels[plane].blur;
+            let by = [0, 1].map(|axis| {
+                let lane = |lane: usize| if lane < MISS { centre_by[(axis, unknown(lane, blur))] as f32 } else { 0.0 };
+                f32x16::load_array(simd, std::array::from_fn(lane))
+            });
+            let whitened = std::array::from_fn(|k| lanes[k] * self.weights[plane][k].sqrt());
+            for (i, sample) in samples(whitened).into_iter().enumerate() {
+                let pixel = [square.at[0] + (i % SIDE) as i32, square.at[1] + (i / SIDE) as i32];
+                let moves_px = by.map(|by| (sample * by).reduce_sum());
+                planes[plane].push(Influence { pixel, whitened: sample[MISS], moves_px });
+            }
+        });
+    }
+}
+
+impl Evidence for Spectrum<'_> {
+    fn normal(&self, x: &Vector, shade: Shade) -> Normal {
+        dispatch!(*LEVEL, simd => self.normal_of(simd, x, shade))
+    }
+
+    fn shade(&self) -> [f64; 2] {
+        self.shade
+    }
+
+    fn blur_px(&self) -> [f64; 2] {
+        self.squares.blur_px
+    }
+
+    fn influences(&self, fit: &Settled) -> Vec<Vec<Influence>> {
+        let mut planes = vec![Vec::new(); PLANES];
+        dispatch!(*LEVEL, simd => self.add_influences(simd, &mut planes, fit));
+        planes
+    }
+}
+
+/// Squared misses away from the edge, by plane.
+#[inline(always)]
+fn away<S: Simd>(simd: S, squares: &Squares, fit: &Settled) -> [Vec<f64>; PLANES] {
+    let mut away2 = [const { Vec::new() }; PLANES];
+    let model = Model::new(simd, &fit.x, fit.shade, squares.corner);
+    for square in &squares.all {
+        for block in &square.blocks {
+            let (place, looked_at) = (model.place(block.u, block.v), block.is_looked_at(simd));
+            for (plane, slot) in square.planes() {
+                let told = model.tell(&block.planes[slot], &place, squares.channels[plane]);
+                let wanted = |&i: &usize| looked_at.test(i) && told.share[i].min(1.0 - told.share[i]) < AWAY;
+                away2[plane].extend((0..LANES).filter(wanted).map(|i| f64::from(told.miss[i]).powi(2)));
+            }
+        }
+    }
+    away2
+}
+
+/// The unknown by which a lane has the derivative, in a plane with this blur: outline, the one blur, brightness.
+const fn unknown(lane: usize, blur: usize) -> usize {
+    match lane {
+        0..BLUR => lane,
+        BLUR => BLUR + blur,
+        _ => lane - BLUR - 1 + BRIGHTNESS,
+    }
+}

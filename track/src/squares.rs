@@ -1,0 +1,179 @@
+//! The surroundings of a blob as a JPEG file holds them: luma of its pixels, and Cb and Cr at their own samples, in squares of 8 x 8 that
+//! went through one cosine transform each.
+//!
+//! A sample of chroma is the mean of the pixels that it covers and lies in their middle (JFIF 1.02). Decoders interpolate between samples,
+//! a pixel taking 3/4 of its own and 1/4 of the next, so that along each axis a sample `s` comes back from the pixels `p` around as
+//!
+//! ```text
+//! s = (3 p_1 + 3 p_2 - p_0 - p_3) / 4,   p_1 and p_2 its own
+//! ```
+
+use image::RgbImage;
+use nalgebra::Vector3;
+use raven::log::{Sampling, Steps};
+
+use crate::cosines::{COUNT, SIDE};
+use crate::model::Channel;
+use crate::patch::{Block, CHROMA, LANES, LUMA};
+use crate::plane::{Kind, Plane};
+use crate::surroundings::Surroundings;
+
+/// Blocks of a square, two rows each.
+const BLOCKS: usize = COUNT / LANES;
+/// Luma, Cb and Cr.
+pub(crate) const PLANES: usize = 3;
+const CB: Vector3<f64> = Vector3::new(-0.168_736, -0.331_264, 0.5);
+const CR: Vector3<f64> = Vector3::new(0.5, -0.418_688, -0.081_312);
+/// Usual blur of luma [px].
+const BLUR_PX: f64 = 1.0;
+/// What pixels around a sample of chroma that two of them share make of it.
+const BETWEEN: [f64; 4] = [-0.25, 0.75, 0.75, -0.25];
+
+/// One square: of luma, or of Cb and Cr.
+#[derive(Debug, Clone)]
+pub(crate) struct Square {
+    /// Two rows of samples each; what is not looked at is far outside of any ball and has the colour of its background.
+    pub(crate) blocks: [Block; BLOCKS],
+    /// Column and row of its first sample, counted in samples of the file.
+    pub(crate) at: [i32; 2],
+    /// First of its planes.
+    first: usize,
+}
+
+impl Square {
+    /// Its planes, and where its blocks hold them.
+    pub(crate) fn planes(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (first, count) = (self.first, if self.first == 0 { 1 } else { 2 });
+        (0..count).map(move |slot| (first + slot, slot))
+    }
+}
+
+/// A blob with its edge.
+#[derive(Debug, Clone)]
+pub(crate) struct Squares {
+    /// Column and row of the image from which the places of samples count.
+    pub(crate) corner: [u32; 2],
+    pub(crate) all: Vec<Square>,
+    /// Steps of the coefficients of each plane.
+    pub(crate) steps: [Steps; PLANES],
+    /// What each plane shows of the ball.
+    pub(crate) channels: [Channel; PLANES],
+    /// Mean and variance of all the background in each plane.
+    pub(crate) everywhere: [[f64; 2]; PLANES],
+    /// Usual blur of chroma and of luma [px].
+    pub(crate) blur_px: [f64; 2],
+}
+
+impl Squares {
+    /// Of a blob's surroundings; `None` where there is too little background.
+    pub(crate) fn of(around: &Surroundings<'_>, sampling: &Sampling) -> Option<Self> {
+        let (chroma, first) = chroma(around, sampling.pixels);
+        let (corner, [marker, luma]) = (around.corner, around.marker);
+        let mut all = Vec::new();
+        add_squares(&mut all, &around.plane, corner, [1; 2], corner, 0)?;
+        add_squares(&mut all, &chroma, first, sampling.pixels, corner, 1)?;
+        let channel = |blur: usize, colour: f64| Channel { blur, gain: (colour / marker) as f32 };
+        let channels = [channel(LUMA, luma), channel(CHROMA, around.marker_rgb.dot(&CB)), channel(CHROMA, around.marker_rgb.dot(&CR))];
+        let ([_, luma], [cb, cr]) = (by_plane(around.plane.everywhere()?), by_plane(chroma.everywhere()?));
+        // The mean of `n` pixels has a variance of `n^2 / 12`, of which one pixel's is in the blur of luma.
+        let wider2 = sampling.pixels.iter().map(|&n| f64::from(n * n - 1) / 12.0).sum::<f64>() / 2.0;
+        let blur_px = [(BLUR_PX * BLUR_PX + wider2).sqrt(), BLUR_PX];
+        Some(Self { corner, all, steps: sampling.steps, channels, everywhere: [luma, cb, cr], blur_px })
+    }
+}
+
+/// Means and variances of two planes, each plane's own together.
+fn by_plane([mean, variance]: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+    [0, 1].map(|k| [mean[k], variance[k]])
+}
+
+/// Samples of Cb and Cr whose pixels all lie in the surroundings, and the column and row of the first, in samples.
+fn chroma(around: &Surroundings<'_>, pixels: [u32; 2]) -> (Plane, [u32; 2]) {
+    let size = [around.plane.width as u32, around.plane.height as u32];
+    let first = [0, 1].map(|axis| around.corner[axis].div_ceil(pixels[axis]));
+    let [width, height] = [0, 1].map(|axis| ((around.corner[axis] + size[axis]) / pixels[axis]).saturating_sub(first[axis]));
+    let (mut colour, mut kinds) = (Vec::new(), Vec::new());
+    for y in first[1]..first[1] + height {
+        for x in first[0]..first[0] + width {
+            colour.push(sample(around.image, [x, y], pixels));
+            let within = |x: u32, y: u32| around.plane.kinds[((y - around.corner[1]) * size[0] + x - around.corner[0]) as usize];
+            let own = (0..pixels[1]).flat_map(|dy| (0..pixels[0]).map(move |dx| (x * pixels[0] + dx, y * pixels[1] + dy)));
+            kinds.push(own.map(|(x, y)| within(x, y)).reduce(both).unwrap_or(Kind::Far));
+        }
+    }
+    (Plane::new(width as i32, height as i32, colour, kinds), first)
+}
+
+/// What a sample of pixels of two kinds is.
+fn both(a: Kind, b: Kind) -> Kind {
+    match (a, b) {
+        (Kind::Far, _) | (_, Kind::Far) => Kind::Far,
+        (a, b) if a == b => a,
+        _ => Kind::Edge,
+    }
+}
+
+/// Cb and Cr of a sample.
+fn sample(image: &RgbImage, place: [u32; 2], pixels: [u32; 2]) -> [f64; 2] {
+    let last = [image.width() - 1, image.height() - 1];
+    // Pixels along an axis and their weights.
+    let along = |axis: usize| {
+        let (at, shared) = (place[axis] * pixels[axis], pixels[axis] == 2);
+        let weights = if shared { &BETWEEN[..] } else { &[1.0] };
+        weights.iter().enumerate().map(move |(i, &weight)| ((at + i as u32).saturating_sub(u32::from(shared)).min(last[axis]), weight))
+    };
+    let mut rgb = Vector3::zeros();
+    for (y, down) in along(1) {
+        for (x, across) in along(0) {
+            rgb += Vector3::from(image.get_pixel(x, y).0.map(f64::from)) * (down * across);
+        }
+    }
+    [rgb.dot(&CB), rgb.dot(&CR)]
+}
+
+/// The squares of a plane in which the blob's edge or inside is. `first` is the plane's first sample in the file, `pixels` the pixels of each.
+fn add_squares(
+    all: &mut Vec<Square>,
+    plane: &Plane,
+    first: [u32; 2],
+    pixels: [u32; 2],
+    corner: [u32; 2],
+    first_plane: usize,
+) -> Option<()> {
+    let everywhere = plane.everywhere()?;
+    let side = SIDE as i32;
+    let [left, top] = first.map(|first| first as i32);
+    let middle = |axis: usize, sample: i32| (pixels[axis] as i32 * sample) as f32 + 0.5 * (pixels[axis] - 1) as f32 - corner[axis] as f32;
+    for y in top / side..=(top + plane.height - 1) / side {
+        for x in left / side..=(left + plane.width - 1) / side {
+            let mut square = Square { blocks: [Block::OUTSIDE; BLOCKS], at: [x * side, y * side], first: first_plane };
+            let mut tells = false;
+            for i in 0..COUNT {
+                let (u, v) = (x * side + (i % SIDE) as i32, y * side + (i / SIDE) as i32);
+                let (column, row) = (u - left, v - top);
+                if !((0..plane.width).contains(&column) && (0..plane.height).contains(&row)) {
+                    continue;
+                }
+                let at = (row * plane.width + column) as usize;
+                let [background, texture] = match plane.kinds[at] {
+                    Kind::Core => everywhere,
+                    Kind::Edge | Kind::Outside => plane.nearby(column, row)?,
+                    Kind::Far => continue,
+                };
+                tells |= plane.kinds[at] != Kind::Outside;
+                let (block, lane) = (&mut square.blocks[i / LANES], i % LANES);
+                (block.u[lane], block.v[lane]) = (middle(0, u), middle(1, v));
+                for (slot, samples) in block.planes.iter_mut().enumerate() {
+                    // The surroundings' own planes are chroma and luma, of which the first comes from Cb and Cr.
+                    let k = if first_plane == 0 { LUMA } else { slot };
+                    let [colour, background, texture] = [plane.colour[at], background, texture].map(|of| of[k] as f32);
+                    (samples.colour[lane], samples.background[lane], samples.texture[lane]) = (colour, background, texture);
+                }
+            }
+            if tells {
+                all.push(square);
+            }
+        }
+    }
+    Some(())
+}
