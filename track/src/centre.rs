@@ -45,11 +45,10 @@ const LAMP_AT: usize = 3;
 const SPECTRUM: usize = 2;
 /// Standard deviation of a lamp's light over the mean brightness; what else harmonics follow is not there.
 const LAMP_STD: [f64; 2] = [2.0, 1e-6];
-const ITERATIONS: usize = 60;
-/// Steps smaller than this end a fit that only gives weights [px].
+const ITERATIONS: usize = 15;
+/// Steps smaller than this end a fit that only gives a start [px].
 const ROUGH_PX: f64 = 0.02;
-/// Steps that end one that gives the centre: smaller than this [px], or than this part of its standard deviation.
-const FINE_PX: f64 = 2e-3;
+/// Steps that end one that gives the centre, as part of its standard deviation.
 const FINE: f64 = 0.1;
 
 pub(crate) type Vector = SVector<f64, SIZE>;
@@ -104,6 +103,8 @@ impl Settled {
 
 /// What a fit goes by.
 pub(crate) trait Evidence {
+    /// Steps smaller than this end a fit that gives weights, and the last one, which gives the centre [px].
+    const ENOUGH_PX: [f64; 2];
     /// Of one step from `x`.
     fn normal(&self, x: &Vector, shade: Shade) -> Normal;
     /// Standard deviation of the coefficients of brightness of order 1 and 2, over the mean brightness.
@@ -124,7 +125,7 @@ pub(crate) fn fit(patch: &Patch, squares: Option<&Squares>, start_px: Vector2<f6
     let start = Start { centre_px: start_px, radius_px, chroma: patch.chroma };
     // The first only gives weights and a place to go on from: every other pixel, as on a chessboard, tells enough.
     let usual = Pixels::usual(patch);
-    let first = start.settle(&usual, Shade::Harmonics, None)?;
+    let first = start.settle(&usual, Shade::Harmonics, None, ROUGH_PX)?;
     let passes = |least: usize| if refine { REFINED } else { least };
     let by_squares = squares.and_then(|squares| {
         let (fitted, spectrum) = start.refine(first, None, passes(SPECTRUM), |fit| Spectrum::weighed(squares, fit));
@@ -166,19 +167,20 @@ impl Start {
     ) -> (Settled, Option<E>) {
         for pass in 1..=passes {
             if let Some(evidence) = evidence.as_ref().filter(|_| pass == LAMP_AT) {
-                let lit = self.settle(evidence, Shade::Lamp, Some(under_lamp(&fitted.x)));
+                let lit = self.settle(evidence, Shade::Lamp, Some(under_lamp(&fitted.x)), E::ENOUGH_PX[0]);
                 fitted = lit.filter(|lit| lit.is_simpler_than(&fitted)).unwrap_or(fitted);
             }
             let weighed = weigh(&fitted);
-            if let Some(better) = self.settle(&weighed, fitted.shade, Some(fitted.x)) {
+            let enough_px = E::ENOUGH_PX[usize::from(pass == passes)];
+            if let Some(better) = self.settle(&weighed, fitted.shade, Some(fitted.x), enough_px) {
                 (fitted, evidence) = (better, Some(weighed));
             }
         }
         (fitted, evidence)
     }
 
-    /// From where another fit has settled, or roughly from the start.
-    fn settle(&self, evidence: &impl Evidence, shade: Shade, from: Option<Vector>) -> Option<Settled> {
+    /// From where another fit has settled, or from the start, until steps are no larger than `enough_px` or hardly count.
+    fn settle(&self, evidence: &impl Evidence, shade: Shade, from: Option<Vector>, enough_px: f64) -> Option<Settled> {
         let mut prior = Vector::zeros();
         prior.fixed_rows_mut::<3>(0).copy_from_slice(&[self.centre_px.x, self.centre_px.y, self.radius_px]);
         prior.fixed_rows_mut::<2>(BLUR).copy_from_slice(&evidence.blur_px());
@@ -201,10 +203,10 @@ impl Start {
             if !(moved < 0.5 * self.radius_px + 1.0 && (0.6..1.6).contains(&(x[2] / self.radius_px))) {
                 return None;
             }
-            if largest < ROUGH_PX {
+            if largest < enough_px.max(ROUGH_PX) {
                 let covariance = factors.inverse();
                 let std_px = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
-                if from.is_none() || largest < FINE_PX.max(FINE * std_px) {
+                if largest < enough_px.max(FINE * std_px) {
                     let determined = SIZE as f64 - stiffness.dot(&covariance.diagonal());
                     return Some(Settled { x, shade, square: normal.square, covariance, determined });
                 }

@@ -2,45 +2,65 @@
 //!
 //! It is orthonormal: sums of products of coefficients are those of samples, and back goes what is transposed.
 
-use fearless_simd::f32x16;
-use fearless_simd::prelude::*;
+use std::ops::{Add, Mul, Sub};
 
 /// Samples of a square and direction.
 pub(crate) const SIDE: usize = 8;
 /// Samples, or coefficients, of a square.
 pub(crate) const COUNT: usize = SIDE * SIDE;
+/// First sample of each column and of each row, and from one to the next in it.
+const LINES: [(usize, usize); 2 * SIDE] = {
+    let mut lines = [(0, SIDE); 2 * SIDE];
+    let mut i = 0;
+    while i < SIDE {
+        (lines[i].0, lines[SIDE + i]) = (i, (i * SIDE, 1));
+        i += 1;
+    }
+    lines
+};
 /// `cos(i pi / 16) / 2`.
 const C: [f32; SIDE] = [0.5, 0.490_392_64, 0.461_939_77, 0.415_734_8, 0.353_553_4, 0.277_785_12, 0.191_341_72, 0.097_545_16];
 
-/// Coefficients of samples that are written row by row; rows are vertical frequencies.
-#[inline(always)]
-pub(crate) fn cosines<S: Simd>(samples: [f32x16<S>; COUNT]) -> [f32x16<S>; COUNT] {
-    along_both(samples, forth)
-}
+/// A number, or as many as a processor takes at a time.
+pub(crate) trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self> {}
 
-/// Samples of coefficients.
-#[inline(always)]
-pub(crate) fn samples<S: Simd>(coefficients: [f32x16<S>; COUNT]) -> [f32x16<S>; COUNT] {
-    along_both(coefficients, back)
-}
+impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f32, Output = T>> Number for T {}
 
-/// Columns, then rows.
+/// Coefficients of samples that are written row by row, in their place; rows are vertical frequencies.
 #[inline(always)]
-fn along_both<S: Simd>(mut values: [f32x16<S>; COUNT], line: impl Fn([f32x16<S>; SIDE]) -> [f32x16<S>; SIDE]) -> [f32x16<S>; COUNT] {
-    for (first, step) in (0..SIDE).map(|x| (x, SIDE)).chain((0..SIDE).map(|y| (y * SIDE, 1))) {
-        let changed = line(std::array::from_fn(|i| values[first + i * step]));
-        for (i, value) in changed.into_iter().enumerate() {
-            values[first + i * step] = value;
-        }
+pub(crate) fn to_cosines<T: Number>(values: &mut [T; COUNT]) {
+    for (first, step) in LINES {
+        put(values, first, step, forth(line(values, first, step)));
     }
-    values
+}
+
+/// Samples of coefficients, in their place.
+#[inline(always)]
+pub(crate) fn to_samples<T: Number>(values: &mut [T; COUNT]) {
+    for (first, step) in LINES {
+        put(values, first, step, back(line(values, first, step)));
+    }
+}
+
+// Vectors stay out of closures: one that is not inlined loses the processor's instructions.
+#[inline(always)]
+fn line<T: Number>(v: &[T; COUNT], first: usize, step: usize) -> [T; SIDE] {
+    let at = |i: usize| first + i * step;
+    [v[at(0)], v[at(1)], v[at(2)], v[at(3)], v[at(4)], v[at(5)], v[at(6)], v[at(7)]]
+}
+
+#[inline(always)]
+fn put<T: Number>(values: &mut [T; COUNT], first: usize, step: usize, line: [T; SIDE]) {
+    for i in 0..SIDE {
+        values[first + i * step] = line[i];
+    }
 }
 
 /// Even coefficients come from sums of a sample and its mirror image, odd ones from differences.
 #[inline(always)]
-fn forth<S: Simd>(x: [f32x16<S>; SIDE]) -> [f32x16<S>; SIDE] {
-    let s: [f32x16<S>; 4] = std::array::from_fn(|i| x[i] + x[7 - i]);
-    let d: [f32x16<S>; 4] = std::array::from_fn(|i| x[i] - x[7 - i]);
+fn forth<T: Number>(x: [T; SIDE]) -> [T; SIDE] {
+    let s = [x[0] + x[7], x[1] + x[6], x[2] + x[5], x[3] + x[4]];
+    let d = [x[0] - x[7], x[1] - x[6], x[2] - x[5], x[3] - x[4]];
     let (outer, inner) = ([s[0] + s[3], s[1] + s[2]], [s[0] - s[3], s[1] - s[2]]);
     [
         (outer[0] + outer[1]) * C[4],
@@ -55,7 +75,7 @@ fn forth<S: Simd>(x: [f32x16<S>; SIDE]) -> [f32x16<S>; SIDE] {
 }
 
 #[inline(always)]
-fn back<S: Simd>(x: [f32x16<S>; SIDE]) -> [f32x16<S>; SIDE] {
+fn back<T: Number>(x: [T; SIDE]) -> [T; SIDE] {
     let (plus, minus) = ((x[0] + x[4]) * C[4], (x[0] - x[4]) * C[4]);
     let (outer, inner) = (x[2] * C[2] + x[6] * C[6], x[2] * C[6] - x[6] * C[2]);
     let s = [plus + outer, minus + inner, minus - inner, plus - outer];
@@ -65,25 +85,22 @@ fn back<S: Simd>(x: [f32x16<S>; SIDE]) -> [f32x16<S>; SIDE] {
         x[1] * C[5] - x[3] * C[1] + x[5] * C[7] + x[7] * C[3],
         x[1] * C[7] - x[3] * C[5] + x[5] * C[3] - x[7] * C[1],
     ];
-    std::array::from_fn(|i| if i < 4 { s[i] + d[i] } else { s[7 - i] - d[7 - i] })
+    [s[0] + d[0], s[1] + d[1], s[2] + d[2], s[3] + d[3], s[3] - d[3], s[2] - d[2], s[1] - d[1], s[0] - d[0]]
 }
 
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
 
-    use fearless_simd::dispatch;
-
     use super::*;
-    use crate::sieve::LEVEL;
 
     #[test]
     fn coefficients_are_those_of_the_standard_and_go_back() {
         let sample = |i: usize| ((i * i * 37 + i * 11) % 256) as f32 - 128.0;
-        let [there, again] = dispatch!(*LEVEL, simd => {
-            let there = cosines(std::array::from_fn(|i| f32x16::splat(simd, sample(i))));
-            [there, samples(there)].map(|values| values.map(|value| value[3]))
-        });
+        let mut values: [f32; COUNT] = std::array::from_fn(sample);
+        to_cosines(&mut values);
+        let there = values;
+        to_samples(&mut values);
         for k in 0..COUNT {
             let basis = |at: usize, frequency: usize| ((2 * at + 1) as f64 * frequency as f64 * PI / 16.0).cos();
             let scale = |frequency: usize| if frequency == 0 { 0.5_f64.sqrt() } else { 1.0 };
@@ -91,7 +108,7 @@ mod tests {
             let sum: f64 = (0..COUNT).map(|i| f64::from(sample(i)) * basis(i % SIDE, u) * basis(i / SIDE, v)).sum();
             let coefficient = 0.25 * scale(u) * scale(v) * sum;
             assert!((f64::from(there[k]) - coefficient).abs() < 1e-3, "{k}: {} {coefficient}", there[k]);
-            assert!((again[k] - sample(k)).abs() < 1e-3, "{k}: {} {}", again[k], sample(k));
+            assert!((values[k] - sample(k)).abs() < 1e-3, "{k}: {} {}", values[k], sample(k));
         }
     }
 }

@@ -71,6 +71,8 @@ impl Pixels {
 }
 
 impl Evidence for Pixels {
+    const ENOUGH_PX: [f64; 2] = [2e-3; 2];
+
     fn normal(&self, x: &Vector, shade: Shade) -> Normal {
         dispatch!(*LEVEL, simd => normal_of(simd, x, shade, &self.patch, &self.weights))
     }

@@ -22,10 +22,10 @@ use fearless_simd::{dispatch, f32x16};
 
 use crate::centre::{BLUR, BRIGHTNESS, Evidence, Matrix, SIZE, Settled, Vector};
 use crate::correlated::Influence;
-use crate::cosines::{COUNT, SIDE, cosines, samples};
-use crate::model::{Model, Shade};
+use crate::cosines::{COUNT, SIDE, to_cosines, to_samples};
+use crate::model::{Model, Shade, Told};
 use crate::normal::Normal;
-use crate::patch::{LANES, LUMA};
+use crate::patch::{Block, LANES, LUMA};
 use crate::pixels::Expected;
 use crate::refine::{robust_mean, shade};
 use crate::sieve::LEVEL;
@@ -78,67 +78,80 @@ impl<'s> Spectrum<'s> {
     #[inline(always)]
     fn noise2<S: Simd>(&self, simd: S, fit: &Settled) -> [f64; PLANES] {
         let mut sums = [[0.0, 1e-12]; PLANES];
-        self.each(simd, &fit.x, fit.shade, |plane, _, lanes| {
-            for (coefficient, step) in lanes.iter().zip(&self.squares.steps[plane]) {
+        let model = Model::new(simd, &fit.x, fit.shade, self.squares.corner);
+        for (square, plane, slot) in self.squares.in_planes() {
+            let mut misses = [0.0; COUNT];
+            for (block, misses) in square.blocks.iter().zip(misses.as_chunks_mut().0) {
+                let (told, trust) = self.tell(simd, &model, block, plane, slot);
+                *misses = (told.miss * trust).to_array();
+            }
+            to_cosines(&mut misses);
+            for (miss, step) in misses.into_iter().zip(&self.squares.steps[plane]) {
                 let rounding2 = f64::from(step * step) / 12.0;
                 let expected2 = rounding2 + NOISE * NOISE;
-                let square = f64::from(coefficient[MISS]).powi(2).min(FAR * FAR * expected2);
-                sums[plane][0] += (square - rounding2) * expected2.powi(-2);
-                sums[plane][1] += expected2.powi(-2);
+                let square = f64::from(miss).powi(2).min(FAR * FAR * expected2);
+                sums[plane][0] += (square - rounding2) / (expected2 * expected2);
+                sums[plane][1] += 1.0 / (expected2 * expected2);
             }
-        });
+        }
         sums.map(|[sum, weight]| (sum / weight).max(LEAST_NOISE * LEAST_NOISE))
     }
 
-    /// Hands over each square's coefficients in each of its planes, where something of the ball is in it.
+    /// What the model says of a block's samples in a plane, and how far they are trusted.
     #[inline(always)]
-    fn each<S: Simd>(&self, simd: S, x: &Vector, shade: Shade, mut take: impl FnMut(usize, &Square, &Transformed<S>)) {
-        let model = Model::new(simd, x, shade, self.squares.corner);
-        for square in &self.squares.all {
-            for (plane, slot) in square.planes() {
-                if let Some(lanes) = self.coefficients(simd, &model, square, plane, slot) {
-                    take(plane, square, &lanes);
-                }
-            }
-        }
+    fn tell<S: Simd>(&self, simd: S, model: &Model<S>, block: &Block, plane: usize, slot: usize) -> (Told<S>, f32x16<S>) {
+        let expected = &self.expected[plane];
+        let mut samples = block.planes[slot];
+        samples.without_noise(self.squares.everywhere[plane], expected.noise * expected.noise);
+        let told = model.tell(&samples, &model.place(block.u, block.v), self.squares.channels[plane]);
+        let trust = (told.trust(simd, &samples, expected).sqrt() * expected.noise as f32).min(1.0);
+        let trust = block.is_looked_at(simd).select(trust, f32x16::splat(simd, 0.0));
+        (told, trust)
     }
 
+    /// Of a square in one plane; `None` where nothing of the ball is in it.
     #[inline(always)]
     fn coefficients<S: Simd>(&self, simd: S, model: &Model<S>, square: &Square, plane: usize, slot: usize) -> Option<Transformed<S>> {
-        let (channel, expected) = (self.squares.channels[plane], &self.expected[plane]);
+        let blur = self.squares.channels[plane].blur;
         let mut lanes = [[0.0; LANES]; COUNT];
         let mut tells = false;
         for (block, lanes) in square.blocks.iter().zip(lanes.as_chunks_mut::<LANES>().0) {
-            let mut samples = block.planes[slot];
-            samples.without_noise(self.squares.everywhere[plane], expected.noise * expected.noise);
-            let told = model.tell(&samples, &model.place(block.u, block.v), channel);
-            tells |= told.tells.any_true();
-            let trust = (told.trust(simd, &samples, expected).sqrt() * expected.noise as f32).min(1.0);
-            let trust = block.is_looked_at(simd).select(trust, f32x16::splat(simd, 0.0));
-            let mut put = |lane: usize, values: f32x16<S>| {
-                for (lanes, value) in lanes.iter_mut().zip((values * trust).to_array()) {
-                    lanes[lane] = value;
+            let (told, trust) = self.tell(simd, model, block, plane, slot);
+            tells |= told.share.simd_gt(AWAY).any_true();
+            for lane in 0..LANES {
+                let values = if lane == MISS { told.miss } else { told.rows[unknown(lane, blur)] };
+                let values = (values * trust).to_array();
+                for i in 0..LANES {
+                    lanes[i][lane] = values[i];
                 }
-            };
-            (0..MISS).for_each(|lane| put(lane, told.rows[unknown(lane, channel.blur)]));
-            put(MISS, told.miss);
+            }
         }
-        tells.then(|| cosines(lanes.map(|lanes| f32x16::load_array(simd, lanes))))
+        if !tells {
+            return None;
+        }
+        let mut transformed = [f32x16::splat(simd, 0.0); COUNT];
+        for i in 0..COUNT {
+            transformed[i] = f32x16::load_array(simd, lanes[i]);
+        }
+        to_cosines(&mut transformed);
+        Some(transformed)
     }
 
     #[inline(always)]
     fn normal_of<S: Simd>(&self, simd: S, x: &Vector, shade: Shade) -> Normal {
+        let model = Model::new(simd, x, shade, self.squares.corner);
         // Luma has one blur, Cb and Cr the other.
         let mut sums = [[f32x16::splat(simd, 0.0); LANES]; 2];
-        self.each(simd, x, shade, |plane, _, lanes| {
+        for (square, plane, slot) in self.squares.in_planes() {
+            let Some(lanes) = self.coefficients(simd, &model, square, plane, slot) else { continue };
             let sums = &mut sums[self.squares.channels[plane].blur];
-            for (coefficient, weight) in lanes.iter().zip(self.weights[plane]) {
-                let weighted = (*coefficient * weight).to_array();
-                for (sum, weighted) in sums.iter_mut().zip(weighted) {
-                    *sum = coefficient.mul_add(f32x16::splat(simd, weighted), *sum);
+            for k in 0..COUNT {
+                let weighted = (lanes[k] * self.weights[plane][k]).to_array();
+                for i in 0..LANES {
+                    sums[i] = lanes[k].mul_add(f32x16::splat(simd, weighted[i]), sums[i]);
                 }
             }
-        });
+        }
         let (mut matrix, mut vector, mut square) = (Matrix::zeros(), Vector::zeros(), 0.0);
         for (blur, sums) in sums.iter().enumerate() {
             for (i, row) in sums[..MISS].iter().enumerate() {
@@ -154,23 +167,32 @@ impl<'s> Spectrum<'s> {
     #[inline(always)]
     fn add_influences<S: Simd>(&self, simd: S, planes: &mut [Vec<Influence>], fit: &Settled) {
         let centre_by = fit.centre_by();
-        self.each(simd, &fit.x, fit.shade, |plane, square, lanes| {
+        let model = Model::new(simd, &fit.x, fit.shade, self.squares.corner);
+        for (square, plane, slot) in self.squares.in_planes() {
+            let Some(mut lanes) = self.coefficients(simd, &model, square, plane, slot) else { continue };
             let blur = self.squares.channels[plane].blur;
-            let by = [0, 1].map(|axis| {
+            let by = |axis: usize| {
                 let lane = |lane: usize| if lane < MISS { centre_by[(axis, unknown(lane, blur))] as f32 } else { 0.0 };
-                f32x16::load_array(simd, std::array::from_fn(lane))
-            });
-            let whitened = std::array::from_fn(|k| lanes[k] * self.weights[plane][k].sqrt());
-            for (i, sample) in samples(whitened).into_iter().enumerate() {
-                let pixel = [square.at[0] + (i % SIDE) as i32, square.at[1] + (i / SIDE) as i32];
-                let moves_px = by.map(|by| (sample * by).reduce_sum());
-                planes[plane].push(Influence { pixel, whitened: sample[MISS], moves_px });
+                std::array::from_fn(lane)
+            };
+            let [across, down] = [f32x16::load_array(simd, by(0)), f32x16::load_array(simd, by(1))];
+            for k in 0..COUNT {
+                lanes[k] *= self.weights[plane][k].sqrt();
             }
-        });
+            to_samples(&mut lanes);
+            for i in 0..COUNT {
+                let pixel = [square.at[0] + (i % SIDE) as i32, square.at[1] + (i / SIDE) as i32];
+                let moves_px = [(lanes[i] * across).reduce_sum(), (lanes[i] * down).reduce_sum()];
+                planes[plane].push(Influence { pixel, whitened: lanes[i][MISS], moves_px });
+            }
+        }
     }
 }
 
 impl Evidence for Spectrum<'_> {
+    /// A step leaves a tenth of itself.
+    const ENOUGH_PX: [f64; 2] = [0.2, 0.02];
+
     fn normal(&self, x: &Vector, shade: Shade) -> Normal {
         dispatch!(*LEVEL, simd => self.normal_of(simd, x, shade))
     }

@@ -65,6 +65,11 @@ pub(crate) struct Squares {
 }
 
 impl Squares {
+    /// Each square in each of its planes, and where its blocks hold the plane.
+    pub(crate) fn in_planes(&self) -> impl Iterator<Item = (&Square, usize, usize)> {
+        self.all.iter().flat_map(|square| square.planes().map(move |(plane, slot)| (square, plane, slot)))
+    }
+
     /// Of a blob's surroundings; `None` where there is too little background.
     pub(crate) fn of(around: &Surroundings<'_>, sampling: &Sampling) -> Option<Self> {
         let (chroma, first) = chroma(around, sampling.pixels);
