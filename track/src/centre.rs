@@ -11,13 +11,15 @@
 //! needs no more (Ramamoorthi and Hanrahan 2001). A centroid, of the mask or weighted, drifts towards the light by tenths of a pixel.
 //! What fits badly weighs less (Huber), so a shaft before the ball, a highlight or an edge in the background do little harm.
 //!
+//! On a JPEG frame the next fits go by the file's own samples and how they were rounded: see `squares` and `spectrum`.
+//!
 //! How much a pixel weighs in the first fit is set for a webcam's frames. The next sees from the residuals of the first how much noise there
 //! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
 //! `refine`. A refined fit tries the light of one lamp besides, which nine coefficients only follow.
 
 use nalgebra::{SMatrix, SVector, Vector2};
 
-use crate::correlated::{Influence, centre_variance_px2};
+use crate::correlated::{Influence, Size, centre_variance_px2};
 use crate::model::Shade;
 use crate::normal::Normal;
 use crate::patch::Patch;
@@ -36,7 +38,7 @@ const BLUR_STD_PX: f64 = 0.3;
 const ELONGATION_STD: f64 = 0.1;
 /// What the camera's unknown response does to a ball that is lit from one side, per axis [px]: rendered balls lie where they are by a
 /// linear response, and with grey levels of gamma 2.2, which most webcams send, they shift towards the light by 0.07 to 0.11 px, whatever
-/// their size. All cameras that see the ball from one side err alike.
+/// their size. All cameras that see the ball from one side err alike. Of a JPEG file, where luma weighs more, the shift is told from the fit.
 pub const RESPONSE_STD_PX: f64 = 0.07;
 /// How often a refined fit takes new weights: they settle after two or three times. Before which of them it looks for a lamp.
 const REFINED: usize = 5;
@@ -61,6 +63,8 @@ pub struct Ball {
     pub centre_px: Vector2<f64>,
     /// Per axis [px].
     pub std_px: f64,
+    /// The part of it that the camera's response makes [px].
+    pub response_px: f64,
     /// Mean radius of the outline [px].
     pub radius_px: f64,
 }
@@ -90,14 +94,21 @@ impl Settled {
         self.covariance.diagonal()
     }
 
+    /// What pulls at the unknowns move them by.
+    pub(crate) fn moved_by(&self, pulls: &Vector) -> Vector {
+        self.covariance * pulls
+    }
+
     /// What a pull at each unknown moves the centre by.
     pub(crate) fn centre_by(&self) -> SMatrix<f64, 2, SIZE> {
         self.covariance.fixed_rows::<2>(0).into()
     }
 
-    /// Standard deviation of the centre per axis [px].
-    fn noise_px(&self, evidence: &impl Evidence) -> f64 {
-        centre_variance_px2(&evidence.influences(self), self.determined).sqrt()
+    /// Its centre and what it errs by.
+    fn ball(&self, evidence: &impl Evidence) -> Ball {
+        let Errors { influences, size, response_px } = evidence.errors(self);
+        let std_px = centre_variance_px2(&influences, self.determined, size).sqrt().hypot(response_px);
+        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), std_px, response_px, radius_px: self.x[2] }
     }
 }
 
@@ -111,8 +122,18 @@ pub(crate) trait Evidence {
     fn shade(&self) -> [f64; 2];
     /// Usual blur of chroma and of luma [px].
     fn blur_px(&self) -> [f64; 2];
+    /// What a fit errs by.
+    fn errors(&self, fit: &Settled) -> Errors;
+}
+
+/// What makes a fit err.
+pub(crate) struct Errors {
     /// What each residual moves the centre by, plane by plane.
-    fn influences(&self, fit: &Settled) -> Vec<Vec<Influence>>;
+    pub(crate) influences: Vec<Vec<Influence>>,
+    /// How large the errors are that they tell of.
+    pub(crate) size: Size,
+    /// What a camera's response may move the centre by, per axis [px].
+    pub(crate) response_px: f64,
 }
 
 /// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius, and once more with the weights that the
@@ -129,14 +150,12 @@ pub(crate) fn fit(patch: &Patch, squares: Option<&Squares>, start_px: Vector2<f6
     let passes = |least: usize| if refine { REFINED } else { least };
     let by_squares = squares.and_then(|squares| {
         let (fitted, spectrum) = start.refine(first, None, passes(SPECTRUM), |fit| Spectrum::weighed(squares, fit));
-        spectrum.map(|spectrum| (fitted, fitted.noise_px(&spectrum)))
+        spectrum.map(|spectrum| fitted.ball(&spectrum))
     });
-    let (fitted, noise_px) = by_squares.unwrap_or_else(|| {
+    by_squares.or_else(|| {
         let (fitted, pixels) = start.refine(first, Some(usual), passes(1), |fit| Pixels::weighed(patch, fit));
-        (fitted, pixels.map_or(0.0, |pixels| fitted.noise_px(&pixels)))
-    });
-    let std_px = noise_px.hypot(RESPONSE_STD_PX);
-    Some(Ball { centre_px: fitted.x.fixed_rows::<2>(0).into(), std_px, radius_px: fitted.x[2] })
+        pixels.map(|pixels| fitted.ball(&pixels))
+    })
 }
 
 /// The light of one lamp that harmonics of the first order follow: of `a + max(0, n . l)` they are `a + |l| / 4 + n . l / 2`.

@@ -33,11 +33,19 @@ pub struct Influence {
 /// Least part of the errors' square that residuals are taken to keep, where pixels are hardly more than the unknowns.
 const LEAST_LEFT: f64 = 0.25;
 
-/// Variance of the centre, mean of its axes [px^2], from the planes' pixels and the number of unknowns that they determined; residuals count
-/// as no smaller than expected.
+/// How large the errors are that residuals tell of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Size {
+    /// As large as the residuals are on average, and no smaller than expected.
+    Alike,
+    /// As large as the residuals that move the centre: away from the edge much of a JPEG file is exact, as it was rounded to nothing.
+    AtTheEdge,
+}
+
+/// Variance of the centre, mean of its axes [px^2], from the planes' pixels and the number of unknowns that they determined.
 #[must_use]
-pub fn centre_variance_px2(planes: &[Vec<Influence>], unknowns: f64) -> f64 {
-    let planes: Vec<Plane> = planes.iter().map(|plane| dispatch!(*LEVEL, simd => Plane::of(simd, plane))).collect();
+pub fn centre_variance_px2(planes: &[Vec<Influence>], unknowns: f64, size: Size) -> f64 {
+    let planes: Vec<Plane> = planes.iter().map(|plane| dispatch!(*LEVEL, simd => Plane::of(simd, plane, size))).collect();
     let left = 1.0 - unknowns / planes.iter().map(|plane| plane.independent).sum::<f64>().max(1.0);
     planes.iter().map(|plane| plane.variance_px2).sum::<f64>() / left.max(LEAST_LEFT)
 }
@@ -51,7 +59,7 @@ struct Plane {
 
 impl Plane {
     #[inline(always)]
-    fn of<S: Simd>(simd: S, plane: &[Influence]) -> Self {
+    fn of<S: Simd>(simd: S, plane: &[Influence], size: Size) -> Self {
         let Some(grid) = Grid::of(plane) else { return Self { variance_px2: 0.0, independent: 0.0 } };
         let [square, influence] = grid.sums(simd, 0);
         let square = square / plane.len() as f64;
@@ -64,12 +72,28 @@ impl Plane {
                 correlated_px += 2.0 * products / count;
             }
         }
+        let (square_there, count) = match size {
+            Size::Alike => (square.max(1.0), plane.len() as f64),
+            Size::AtTheEdge => at_the_edge(plane),
+        };
         let over_square = |sum: f64| if square > 0.0 { sum / square } else { 0.0 };
         Self {
-            variance_px2: square.max(1.0) * (influence + over_square(among)).max(influence),
-            independent: plane.len() as f64 / (1.0 + over_square(correlated_px)).max(1.0),
+            variance_px2: square_there * (influence + over_square(among)).max(influence),
+            independent: count / (1.0 + over_square(correlated_px)).max(1.0),
         }
     }
+}
+
+/// Mean square of the residuals, each counting by the square of what it moves, and how many there would be if all moved as much.
+fn at_the_edge(plane: &[Influence]) -> (f64, f64) {
+    let (mut squares, mut moves, mut moves2) = (0.0, 0.0, 0.0);
+    for influence in plane {
+        let moved = influence.moves_px.iter().map(|&moves| f64::from(moves).powi(2)).sum::<f64>();
+        squares += moved * f64::from(influence.whitened).powi(2);
+        moves += moved;
+        moves2 += moved * moved;
+    }
+    if moves > 0.0 { (squares / moves, moves * moves / moves2) } else { (0.0, 0.0) }
 }
 
 /// A plane's pixels row by row, zeros where there is none. A row ends in so many zeros that no neighbour is one of another row.

@@ -3,8 +3,8 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};
 
-use crate::centre::{Evidence, Settled, Vector};
-use crate::correlated::Influence;
+use crate::centre::{Errors, Evidence, RESPONSE_STD_PX, Settled, Vector};
+use crate::correlated::{Influence, Size};
 use crate::model::{Model, Shade};
 use crate::normal::{Normal, Sums};
 use crate::patch::{CHROMA, LANES, LUMA, Patch};
@@ -85,10 +85,10 @@ impl Evidence for Pixels {
         BLUR_PX
     }
 
-    fn influences(&self, fit: &Settled) -> Vec<Vec<Influence>> {
-        let mut planes = vec![Vec::new(), Vec::new()];
-        dispatch!(*LEVEL, simd => add_influences(simd, &mut planes, fit, &self.patch, &self.weights));
-        planes
+    fn errors(&self, fit: &Settled) -> Errors {
+        let mut influences = vec![Vec::new(), Vec::new()];
+        dispatch!(*LEVEL, simd => add_influences(simd, &mut influences, fit, &self.patch, &self.weights));
+        Errors { influences, size: Size::Alike, response_px: RESPONSE_STD_PX }
     }
 }
 

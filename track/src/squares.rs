@@ -22,10 +22,14 @@ use crate::surroundings::Surroundings;
 const BLOCKS: usize = COUNT / LANES;
 /// Luma, Cb and Cr.
 pub(crate) const PLANES: usize = 3;
-const CB: Vector3<f64> = Vector3::new(-0.168_736, -0.331_264, 0.5);
-const CR: Vector3<f64> = Vector3::new(0.5, -0.418_688, -0.081_312);
+/// What red, green and blue make of them (JFIF 1.02).
+pub(crate) const OF_RGB: [[f32; 3]; PLANES] = [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
+/// What luma, Cb and Cr make of red, green and blue.
+const TO_RGB: [[f64; PLANES]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136], [1.0, 1.772, 0.0]];
 /// Usual blur of luma [px].
 const BLUR_PX: f64 = 1.0;
+/// Least colour of a marker over its chroma: a tenth of a grey level.
+const LEAST_GAIN: f64 = 1e-3;
 /// What pixels around a sample of chroma that two of them share make of it.
 const BETWEEN: [f64; 4] = [-0.25, 0.75, 0.75, -0.25];
 
@@ -60,6 +64,9 @@ pub(crate) struct Squares {
     pub(crate) channels: [Channel; PLANES],
     /// Mean and variance of all the background in each plane.
     pub(crate) everywhere: [[f64; 2]; PLANES],
+    /// Red, green and blue of the marker over its chroma, and of the background.
+    pub(crate) marker_rgb: [f32; 3],
+    pub(crate) background_rgb: [f32; 3],
     /// Usual blur of chroma and of luma [px].
     pub(crate) blur_px: [f64; 2],
 }
@@ -77,14 +84,24 @@ impl Squares {
         let mut all = Vec::new();
         add_squares(&mut all, &around.plane, corner, [1; 2], corner, 0)?;
         add_squares(&mut all, &chroma, first, sampling.pixels, corner, 1)?;
-        let channel = |blur: usize, colour: f64| Channel { blur, gain: (colour / marker) as f32 };
-        let channels = [channel(LUMA, luma), channel(CHROMA, around.marker_rgb.dot(&CB)), channel(CHROMA, around.marker_rgb.dot(&CR))];
+        // A gain may be small, but what is told is divided by it.
+        let gain = |colour: f64| (colour / marker).abs().max(LEAST_GAIN).copysign(colour) as f32;
+        let channel = |blur: usize, colour: f64| Channel { blur, gain: gain(colour) };
+        let channels = [channel(LUMA, luma), channel(CHROMA, of(1, &around.marker_rgb)), channel(CHROMA, of(2, &around.marker_rgb))];
         let ([_, luma], [cb, cr]) = (by_plane(around.plane.everywhere()?), by_plane(chroma.everywhere()?));
         // The mean of `n` pixels has a variance of `n^2 / 12`, of which one pixel's is in the blur of luma.
         let wider2 = sampling.pixels.iter().map(|&n| f64::from(n * n - 1) / 12.0).sum::<f64>() / 2.0;
         let blur_px = [(BLUR_PX * BLUR_PX + wider2).sqrt(), BLUR_PX];
-        Some(Self { corner, all, steps: sampling.steps, channels, everywhere: [luma, cb, cr], blur_px })
+        let marker_rgb = (around.marker_rgb / marker).map(|v| v as f32).into();
+        let background_rgb = TO_RGB.map(|[y, b, r]| (y * luma[0] + b * cb[0] + r * cr[0]) as f32);
+        let everywhere = [luma, cb, cr];
+        Some(Self { corner, all, steps: sampling.steps, channels, everywhere, marker_rgb, background_rgb, blur_px })
     }
+}
+
+/// A plane's part of red, green and blue.
+fn of(plane: usize, rgb: &Vector3<f64>) -> f64 {
+    Vector3::from(OF_RGB[plane].map(f64::from)).dot(rgb)
 }
 
 /// Means and variances of two planes, each plane's own together.
@@ -133,7 +150,7 @@ fn sample(image: &RgbImage, place: [u32; 2], pixels: [u32; 2]) -> [f64; 2] {
             rgb += Vector3::from(image.get_pixel(x, y).0.map(f64::from)) * (down * across);
         }
     }
-    [rgb.dot(&CB), rgb.dot(&CR)]
+    [of(1, &rgb), of(2, &rgb)]
 }
 
 /// The squares of a plane in which the blob's edge or inside is. `first` is the plane's first sample in the file, `pixels` the pixels of each.
@@ -181,4 +198,39 @@ fn add_squares(
         }
     }
     Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use image::Rgb;
+    use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
+
+    use super::*;
+
+    #[test]
+    fn samples_come_back_from_decoded_pixels() {
+        // Checks of four pixels, which interpolation blurs.
+        let image = RgbImage::from_fn(64, 64, |x, y| if (x / 4 + y / 4) % 2 == 0 { Rgb([60, 140, 90]) } else { Rgb([140, 100, 120]) });
+        for (factor, pixels) in [
+            (SamplingFactor::F_1_1, [1, 1]),
+            (SamplingFactor::F_2_1, [2, 1]),
+            (SamplingFactor::F_1_2, [1, 2]),
+            (SamplingFactor::F_2_2, [2, 2]),
+        ] {
+            let mut jpeg = Vec::new();
+            let mut encoder = Encoder::new(&mut jpeg, 100);
+            encoder.set_sampling_factor(factor);
+            encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
+            encoder.encode(image.as_raw(), 64, 64, ColorType::Rgb).unwrap();
+            assert_eq!(Sampling::of(&jpeg).unwrap().pixels, pixels);
+            let decoded = image::load_from_memory(&jpeg).unwrap().into_rgb8();
+            for (x, y) in (4..24).flat_map(|y| (4..24).map(move |x| (x, y))) {
+                let rgb = Vector3::from(image.get_pixel(x * pixels[0], y * pixels[1]).0.map(f64::from));
+                let [cb, cr] = sample(&decoded, [x, y], pixels);
+                // Rounding of samples, coefficients of step 1 and pixels.
+                let off = (cb - of(1, &rgb)).abs().max((cr - of(2, &rgb)).abs());
+                assert!(off < 2.5, "{pixels:?} at {x}, {y}: {off}");
+            }
+        }
+    }
 }

@@ -10,7 +10,7 @@ use raven::stats::rms;
 use rayon::prelude::*;
 
 use super::exact::{Drawn, SIDE};
-use crate::centre::RESPONSE_STD_PX;
+use crate::centre::Ball;
 use crate::colour::MarkerColour;
 use crate::marker::{Blobs, Centre};
 
@@ -80,15 +80,15 @@ fn raw_frames_come_near_the_bound() {
 #[test]
 fn compressed_frames_cost_little() {
     let mut beyond = Vec::new();
-    // Chroma for every second column, as webcams send it, and for every second row as well: there a small ball is only a few samples wide.
+    // Chroma for every second column, as webcams send it, and for every second row as well: there a small ball is only a few samples wide,
+    // and of each the high frequencies, which tell its edge, are rounded to nothing.
     for sampling in [SamplingFactor::F_2_1, SamplingFactor::F_2_2] {
         for radius_px in [5.0, 8.0, 12.0] {
             let all = rms_px(Drawn::disc(radius_px), 3.0, &KINDS, |image| compressed(&image, 85, sampling));
             let [contour, ball, refined] = all.try_into().unwrap();
             let case = format!("{sampling:?}, radius {radius_px} px: contour {contour:.4}, ball {ball:.4}, refined {refined:.4} px");
             eprintln!("{case}");
-            // What is asked of a ball of 8 px and more from a webcam; of the others only that they are no worse than the contour.
-            let limit_px = if sampling == SamplingFactor::F_2_1 && radius_px >= 8.0 { 0.03 } else { contour };
+            let limit_px = if sampling == SamplingFactor::F_2_2 && radius_px < 6.0 { 0.045 } else { 0.03 };
             if ball > limit_px || refined > limit_px {
                 beyond.push(case);
             }
@@ -99,9 +99,9 @@ fn compressed_frames_cost_little() {
 
 const LIGHTS: [Vector3<f64>; 3] = [Vector3::new(0.0, 0.0, 0.0), Vector3::new(-0.2, -0.5, -0.4), Vector3::new(0.4, -0.1, -0.2)];
 
-/// Mean squared error over the variance `of` a centre, over lights, sizes and ways of sending.
-fn square_over_variance(lights: &[Vector3<f64>], gamma: f64, of: impl Fn(f64) -> f64 + Sync) -> f64 {
-    let trials = 20;
+/// Mean squared error over the variance `of` a centre in each case of lights, sizes and ways of sending.
+fn square_over_variance(lights: &[Vector3<f64>], gamma: f64, of: impl Fn(&Ball) -> f64 + Sync) -> Vec<f64> {
+    let trials = 40;
     let mut cases = Vec::new();
     for &light in lights {
         for sampling in [None, Some(SamplingFactor::F_2_1), Some(SamplingFactor::F_2_2)] {
@@ -119,7 +119,7 @@ fn square_over_variance(lights: &[Vector3<f64>], gamma: f64, of: impl Fn(f64) ->
             let blobs = Blobs::find(&image, None, &MarkerColour::default()).sampled(sampling.as_ref());
             let ball = blobs.centre(&blobs.found[0], Centre::Ball);
             let off_px = ball.centre_px - here.centre;
-            ratio += off_px.norm_squared() / (2.0 * of(ball.std_px)) / trials as f64;
+            ratio += off_px.norm_squared() / (2.0 * of(&ball)) / trials as f64;
             mean_px += off_px / trials as f64;
         }
         let [x, y, z] = drawn.light.into();
@@ -129,19 +129,24 @@ fn square_over_variance(lights: &[Vector3<f64>], gamma: f64, of: impl Fn(f64) ->
         );
         ratio
     };
-    let ratios: Vec<f64> = cases.par_iter().map(one).collect();
-    ratios.iter().sum::<f64>() / ratios.len() as f64
+    cases.par_iter().map(one).collect()
+}
+
+/// Whether claims hold on average and in each case. Of 40 balls' two axes a case's ratio scatters by 16 % of itself.
+fn hold(ratios: &[f64]) -> bool {
+    let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+    eprintln!("squared error over claimed variance: mean {mean:.2}, cases {ratios:.2?}");
+    (0.6..1.4).contains(&mean) && ratios.iter().all(|ratio| (0.25..2.0).contains(ratio))
 }
 
 #[test]
 fn centres_scatter_as_they_claim_raw_and_compressed() {
-    let without_response = |std_px: f64| std_px.powi(2) - RESPONSE_STD_PX.powi(2);
-    let ratio = square_over_variance(&LIGHTS, 1.0, without_response);
-    assert!((0.6..1.4).contains(&ratio), "{ratio}");
+    let ratios = square_over_variance(&LIGHTS, 1.0, |ball| ball.std_px.powi(2) - ball.response_px.powi(2));
+    assert!(hold(&ratios), "{ratios:?}");
 }
 
 #[test]
 fn a_cameras_response_moves_balls_that_are_lit_from_one_side_as_claimed() {
-    let ratio = square_over_variance(&LIGHTS[1..], 2.2, |std_px| std_px.powi(2));
-    assert!((0.6..1.4).contains(&ratio), "{ratio}");
+    let ratios = square_over_variance(&LIGHTS[1..], 2.2, |ball| ball.std_px.powi(2));
+    assert!(hold(&ratios), "{ratios:?}");
 }
