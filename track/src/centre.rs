@@ -63,7 +63,7 @@ pub struct Ball {
     pub centre_px: Vector2<f64>,
     /// Per axis [px].
     pub std_px: f64,
-    /// The part of it that the camera's response makes [px].
+    /// The part of it that is alike in both cameras [px]: what the camera's response makes, and what no residual shows.
     pub response_px: f64,
     /// Mean radius of the outline [px].
     pub radius_px: f64,
