@@ -122,13 +122,11 @@ impl Fitter<'_> {
         let mut other = false;
         for joint in joints {
             let follows = |effect: &usize| self.followed(*effect) == Some(joint);
-            let (several, rest): (Vec<usize>, Vec<usize>) = best.effects.iter().partition(|effect| follows(effect));
+            let several: Vec<usize> = best.effects.iter().copied().filter(follows).collect();
             if several.len() < 2 || several.iter().any(|&effect| self.is_loose(effect)) {
                 continue;
             }
-            let without = several.iter().fold(best.u.clone(), |u, &effect| self.without(effect, &u));
-            let known = outcome.fitted.get(&rest).map(|(known, _)| known.clone());
-            let Some(rest) = (if known.is_some() { known } else { self.fit(&rest, &without, Some(&best))? }) else { continue };
+            let Some(rest) = self.rest(outcome, &best, &several)? else { continue };
             outcome.keep(&rest);
             let slacks = (0..sited.len()).filter(|&effect| follows(&effect) && self.is_loose(effect));
             let starts: Vec<_> =

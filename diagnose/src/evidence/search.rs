@@ -277,13 +277,14 @@ impl Fitter<'_> {
         (0..sited.len()).filter(|&other| other != effect && sited[effect].shows_where(&sited[other])).collect()
     }
 
-    /// A hypothesis without one of its effects, fitted.
-    pub(super) fn rest(&self, outcome: &Outcome, whole: &Hypothesis, left_out: usize) -> Result<Option<Hypothesis>> {
-        let effects = whole.all_but(left_out);
-        match outcome.fitted.get(&effects) {
-            Some((known, _)) => Ok(Some(known.clone())),
-            None => self.fit(&effects, &self.without(left_out, &whole.u), Some(whole)),
+    /// A hypothesis without some of its effects, fitted.
+    pub(super) fn rest(&self, outcome: &Outcome, whole: &Hypothesis, left_out: &[usize]) -> Result<Option<Hypothesis>> {
+        let effects: Vec<usize> = whole.effects.iter().copied().filter(|effect| !left_out.contains(effect)).collect();
+        if let Some((known, _)) = outcome.fitted.get(&effects) {
+            return Ok(Some(known.clone()));
         }
+        let without = left_out.iter().fold(whole.u.clone(), |u, &effect| self.without(effect, &u));
+        self.fit(&effects, &without, Some(whole))
     }
 
     /// The best hypothesis that differs from `best` by one effect, as long as that is better.
@@ -291,7 +292,7 @@ impl Fitter<'_> {
         for _ in 0..EFFECTS_MAX {
             let mut better: Option<Hypothesis> = None;
             for left_out in best.effects.clone() {
-                let Some(mut rest) = self.rest(outcome, &best, left_out)? else { continue };
+                let Some(mut rest) = self.rest(outcome, &best, &[left_out])? else { continue };
                 if let Some(again) = self.fitted_as(&rest, &best)? {
                     rest = again;
                 }

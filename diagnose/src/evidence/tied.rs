@@ -31,7 +31,7 @@ impl Fitter<'_> {
                 effects
             };
             let unfitted: Vec<usize> = ties.iter().copied().filter(|other| !outcome.fitted.contains_key(&instead(other))).collect();
-            let Some(rest) = self.rest(outcome, &best, effect)? else { continue };
+            let Some(rest) = self.rest(outcome, &best, &[effect])? else { continue };
             outcome.keep(&rest);
             if !unfitted.is_empty() {
                 let mut candidates = self.screen_some(&rest, rest.evidence, &unfitted)?;
@@ -46,7 +46,7 @@ impl Fitter<'_> {
                 let tied = outcome.fitted.get(&effects).map(|(hypothesis, _)| hypothesis.clone());
                 let Some(tied) = tied.filter(|tied| tied.evidence > best.evidence - TIED_NATS * shrink) else { continue };
                 for &left_out in &tied.effects {
-                    if let Some(rest) = self.rest(outcome, &tied, left_out)? {
+                    if let Some(rest) = self.rest(outcome, &tied, &[left_out])? {
                         outcome.keep(&rest);
                     }
                 }
