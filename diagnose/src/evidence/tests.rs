@@ -46,6 +46,15 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Seen<R> {
         self.effects.iter().position(|&(id, place)| sited.effect.id == id && [sited.place.first, sited.place.second] == place)
     }
 
+    /// The effects that a search names, by the alphabet.
+    fn named(&self) -> Vec<&'static str> {
+        let coordinates = Coordinates::new(&self.robot, self);
+        let outcome = Fitter::new(self, &coordinates).search(|| {}).unwrap().unwrap();
+        let mut named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
+        named.sort_unstable();
+        named
+    }
+
     /// Whether the effect is beyond its scatter where it was found, alone, and its first number in deviations.
     fn is_beyond_scatter(&self) -> (bool, f64) {
         let coordinates = Coordinates::new(&self.robot, self);
@@ -191,10 +200,7 @@ fn what_slopes_of_settled_links_leave_out_does_not_hide_an_effect() {
         let row = |k: usize| (k as f64).sin() * (0.12 - moved) + (k as f64).cos() * 0.085 * (1.0 - offset);
         (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k)).collect()
     });
-    let coordinates = Coordinates::new(&rows.robot, &rows);
-    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
-    let named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
-    assert_eq!(named, ["joint-offset"]);
+    assert_eq!(rows.named(), ["joint-offset"]);
 }
 
 #[test]
@@ -260,11 +266,7 @@ fn a_slack_beside_another_effect_is_found_where_a_cable_and_its_stiffening_stand
         };
         (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
     });
-    let coordinates = Coordinates::new(&rows.robot, &rows);
-    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
-    let mut named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
-    named.sort_unstable();
-    assert_eq!(named, ["backlash", "payload"]);
+    assert_eq!(rows.named(), ["backlash", "payload"]);
 }
 
 #[test]
@@ -281,9 +283,5 @@ fn what_is_beside_an_effect_is_looked_for_where_that_has_been_fitted_again() {
         let row = |k: f64| 3.0 * k.sin() * (1.0 - payload) + (2.0 * k).sin() * (2.0 * ridge - shutter) + k.cos() * (1.0 - offset / off);
         (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
     });
-    let coordinates = Coordinates::new(&rows.robot, &rows);
-    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
-    let mut named: Vec<_> = outcome.best.effects.iter().map(|&effect| coordinates.sited[effect].effect.id).collect();
-    named.sort_unstable();
-    assert_eq!(named, ["joint-offset", "payload"]);
+    assert_eq!(rows.named(), ["joint-offset", "payload"]);
 }
