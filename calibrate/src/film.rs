@@ -95,7 +95,7 @@ impl Film {
                     let own = relabel.inverse().apply(in_run);
                     self.sightings[k].as_ref()?.grid.corners.get(&own).copied()
                 });
-                Sample { time_s: self.time_s[k], centre: pixel.map(|pixel| (pixel, CORNER_PX)), response_px: 0.0 }
+                Sample { time_s: self.time_s[k], centre: pixel.map(|pixel| (pixel, CORNER_PX)), alike_px: 0.0 }
             };
             Some((label, Track::new(around.clone().map(sample).collect(), 0.0).at(time_s)?))
         };

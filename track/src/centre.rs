@@ -64,7 +64,7 @@ pub struct Ball {
     /// Per axis [px].
     pub std_px: f64,
     /// The part of it that is alike in both cameras [px]: what the camera's response makes, and what no residual shows.
-    pub response_px: f64,
+    pub alike_px: f64,
     /// Mean radius of the outline [px].
     pub radius_px: f64,
 }
@@ -106,9 +106,9 @@ impl Settled {
 
     /// Its centre and what it errs by.
     fn ball(&self, evidence: &impl Evidence) -> Ball {
-        let Errors { influences, size, response_px } = evidence.errors(self);
-        let std_px = centre_variance_px2(&influences, self.determined, size).sqrt().hypot(response_px);
-        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), std_px, response_px, radius_px: self.x[2] }
+        let Errors { influences, size, alike_px } = evidence.errors(self);
+        let std_px = centre_variance_px2(&influences, self.determined, size).sqrt().hypot(alike_px);
+        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), std_px, alike_px, radius_px: self.x[2] }
     }
 }
 
@@ -132,8 +132,8 @@ pub(crate) struct Errors {
     pub(crate) influences: Vec<Vec<Influence>>,
     /// How large the errors are that they tell of.
     pub(crate) size: Size,
-    /// What a camera's response may move the centre by, per axis [px].
-    pub(crate) response_px: f64,
+    /// What moves the centre alike in both cameras, per axis [px].
+    pub(crate) alike_px: f64,
 }
 
 /// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius, and once more with the weights that the

@@ -17,7 +17,7 @@ pub struct Sample {
     /// Marker's centre [px] and its standard deviation per axis [px]; `None` where it was not seen.
     pub centre: Option<(Vector2<f64>, f64)>,
     /// The part of that deviation that all cameras share [px].
-    pub response_px: f64,
+    pub alike_px: f64,
 }
 
 /// The marker in one camera over time.
@@ -38,7 +38,7 @@ pub struct Interpolated {
     /// Its velocity [px/s].
     pub velocity: Vector2<f64>,
     /// Standard deviation per axis of what all cameras err by alike [px].
-    pub response_px: f64,
+    pub alike_px: f64,
 }
 
 impl Track {
@@ -55,9 +55,9 @@ impl Track {
     pub fn at(&self, time_s: f64) -> Option<Interpolated> {
         let after = self.samples.partition_point(|s| s.time_s < time_s);
         let here = self.samples.get(after).filter(|s| s.time_s == time_s);
-        if let Some((&Sample { response_px, .. }, (pixel, std))) = here.and_then(|s| Some((s, s.centre?))) {
+        if let Some((&Sample { alike_px, .. }, (pixel, std))) = here.and_then(|s| Some((s, s.centre?))) {
             let velocity = self.velocity(after);
-            return Some(self.with_jitter(pixel, Matrix2::identity() * (std * std), velocity, response_px));
+            return Some(self.with_jitter(pixel, Matrix2::identity() * (std * std), velocity, alike_px));
         }
         let before = after.checked_sub(1)?;
         if !self.joined(before) {
@@ -79,7 +79,7 @@ impl Track {
     /// Polynomial through some frames, by Lagrange's weights and their derivatives.
     fn through(&self, frames: std::ops::Range<usize>, time_s: f64) -> Option<Interpolated> {
         let samples = self.samples.get(frames)?;
-        let (mut pixel, mut velocity, mut variance, mut response_px) = (Vector2::zeros(), Vector2::zeros(), 0.0, 0.0);
+        let (mut pixel, mut velocity, mut variance, mut alike_px) = (Vector2::zeros(), Vector2::zeros(), 0.0, 0.0);
         for (i, sample) in samples.iter().enumerate() {
             let (centre, std) = sample.centre?;
             let others = || samples.iter().enumerate().filter(move |(j, _)| *j != i).map(|(_, s)| s.time_s);
@@ -92,9 +92,9 @@ impl Track {
             pixel += weight * centre;
             velocity += slope * centre;
             variance += weight * weight * std * std;
-            response_px += weight * sample.response_px;
+            alike_px += weight * sample.alike_px;
         }
-        Some(self.with_jitter(pixel, Matrix2::identity() * variance, velocity, response_px))
+        Some(self.with_jitter(pixel, Matrix2::identity() * variance, velocity, alike_px))
     }
 
     /// Velocity at a frame from its neighbours; zero where there are none.
@@ -109,9 +109,9 @@ impl Track {
         if t1 > t0 { (p1 - p0) / (t1 - t0) } else { Vector2::zeros() }
     }
 
-    fn with_jitter(&self, pixel: Vector2<f64>, noise: Matrix2<f64>, velocity: Vector2<f64>, response_px: f64) -> Interpolated {
+    fn with_jitter(&self, pixel: Vector2<f64>, noise: Matrix2<f64>, velocity: Vector2<f64>, alike_px: f64) -> Interpolated {
         let covariance = noise + velocity * velocity.transpose() * (self.jitter_s * self.jitter_s);
-        Interpolated { pixel, covariance, velocity, response_px }
+        Interpolated { pixel, covariance, velocity, alike_px }
     }
 }
 

@@ -41,8 +41,8 @@ pub struct Candidate {
     pub centre: Vector2<f64>,
     /// Standard deviation per axis [px].
     pub std_px: f64,
-    /// The part of it that the camera's response makes [px].
-    pub response_px: f64,
+    /// The part of it that is alike in both cameras [px].
+    pub alike_px: f64,
     /// Radius [px].
     pub radius_px: f64,
     /// Area over the area expected at the predicted depth.
@@ -108,7 +108,7 @@ impl Search {
                 Centre::Contour => ball.centre_px,
                 Centre::Ball | Centre::Refined => ball_centre(&self.camera, &ball.centre_px, ball.radius_px),
             };
-            Candidate { centre, std_px: ball.std_px, response_px: ball.response_px, radius_px: ball.radius_px, share }
+            Candidate { centre, std_px: ball.std_px, alike_px: ball.alike_px, radius_px: ball.radius_px, share }
         })
     }
 

@@ -137,7 +137,7 @@ impl<'i> Blobs<'i> {
     #[must_use]
     pub fn centre(&self, blob: &Blob, kind: Centre) -> Ball {
         let disc_px = (blob.area_px / std::f64::consts::PI).sqrt();
-        let contour = Ball { centre_px: blob.contour_px, std_px: CONTOUR_STD_PX, response_px: RESPONSE_STD_PX, radius_px: disc_px };
+        let contour = Ball { centre_px: blob.contour_px, std_px: CONTOUR_STD_PX, alike_px: RESPONSE_STD_PX, radius_px: disc_px };
         if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
             return contour;
         }

@@ -88,7 +88,7 @@ impl Evidence for Pixels {
     fn errors(&self, fit: &Settled) -> Errors {
         let mut influences = vec![Vec::new(), Vec::new()];
         dispatch!(*LEVEL, simd => add_influences(simd, &mut influences, fit, &self.patch, &self.weights));
-        Errors { influences, size: Size::Alike, response_px: RESPONSE_STD_PX }
+        Errors { influences, size: Size::Alike, alike_px: RESPONSE_STD_PX }
     }
 }
 

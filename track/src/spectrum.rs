@@ -228,7 +228,7 @@ impl<'s> Spectrum<'s> {
                 let (marker, background) = (lit * marker[channel], background[channel]);
                 let squares = told.share * marker * marker + (1.0 - told.share) * (background * background);
                 let mixed = told.share * marker + (1.0 - told.share) * background;
-                sum += (squares.sqrt() - mixed) * OF_RGB[plane][channel];
+                sum += (squares.sqrt() - mixed) * OF_RGB[plane][channel] as f32;
             }
             *bent = (sum * trust).to_array();
         }
@@ -255,8 +255,8 @@ impl Evidence for Spectrum<'_> {
 
     fn errors(&self, fit: &Settled) -> Errors {
         let mut influences = vec![Vec::new(); PLANES];
-        let response_px = dispatch!(*LEVEL, simd => self.add_influences(simd, &mut influences, fit));
-        Errors { influences, size: Size::AtTheEdge, response_px }
+        let alike_px = dispatch!(*LEVEL, simd => self.add_influences(simd, &mut influences, fit));
+        Errors { influences, size: Size::AtTheEdge, alike_px }
     }
 }
 

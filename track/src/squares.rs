@@ -16,14 +16,14 @@ use crate::cosines::{COUNT, SIDE};
 use crate::model::Channel;
 use crate::patch::{Block, CHROMA, LANES, LUMA};
 use crate::plane::{Kind, Plane};
-use crate::surroundings::Surroundings;
+use crate::surroundings::{LUMA_OF_RGB, Surroundings};
 
 /// Blocks of a square, two rows each.
 const BLOCKS: usize = COUNT / LANES;
 /// Luma, Cb and Cr.
 pub(crate) const PLANES: usize = 3;
 /// What red, green and blue make of them (JFIF 1.02).
-pub(crate) const OF_RGB: [[f32; 3]; PLANES] = [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
+pub(crate) const OF_RGB: [[f64; 3]; PLANES] = [LUMA_OF_RGB, [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 /// What luma, Cb and Cr make of red, green and blue.
 const TO_RGB: [[f64; PLANES]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136], [1.0, 1.772, 0.0]];
 /// Usual blur of luma [px].
@@ -101,7 +101,7 @@ impl Squares {
 
 /// A plane's part of red, green and blue.
 fn of(plane: usize, rgb: &Vector3<f64>) -> f64 {
-    Vector3::from(OF_RGB[plane].map(f64::from)).dot(rgb)
+    rgb.dot(&Vector3::from(OF_RGB[plane]))
 }
 
 /// Means and variances of two planes, each plane's own together.

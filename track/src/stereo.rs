@@ -75,11 +75,11 @@ impl StereoTrack {
 }
 
 fn sample(record: &Record, time_s: f64) -> Sample {
-    let (centre, response_px) = match record.sighting {
-        Sighting::Seen(candidate) => (Some((candidate.centre, candidate.std_px)), candidate.response_px),
+    let (centre, alike_px) = match record.sighting {
+        Sighting::Seen(candidate) => (Some((candidate.centre, candidate.std_px)), candidate.alike_px),
         Sighting::Hidden | Sighting::Rejected(_) => (None, 0.0),
     };
-    Sample { time_s, centre, response_px }
+    Sample { time_s, centre, alike_px }
 }
 
 /// How much of the stamps' scatter about the pace is the frames' own.
@@ -151,7 +151,7 @@ mod tests {
             let time_s = 1.0 + f64::from(n) / 15.0 + own;
             let noise = Vector2::new(normal(), normal()) * 0.08;
             let centre = Vector2::new(300.0 + 60.0 * (1.6 * time_s).sin(), 200.0 + 60.0 * (1.6 * time_s).cos()) + noise;
-            let candidate = Candidate { centre, std_px: 0.08, response_px: 0.07, radius_px: 8.0, share: 1.0 };
+            let candidate = Candidate { centre, std_px: 0.08, alike_px: 0.07, radius_px: 8.0, share: 1.0 };
             (Record { stamp: Stamp(0).plus_seconds(time_s + late), sighting: Sighting::Seen(candidate) }, time_s)
         };
         (0..600).map(one).unzip()

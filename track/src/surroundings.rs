@@ -9,7 +9,8 @@ use crate::plane::{Kind, Plane, kinds};
 
 /// How far beyond the mask the background is looked at [px].
 pub const REACH_PX: u32 = 7;
-const LUMA_OF_RGB: Vector3<f64> = Vector3::new(0.299, 0.587, 0.114);
+/// What red, green and blue make of luma (JFIF 1.02).
+pub(crate) const LUMA_OF_RGB: [f64; 3] = [0.299, 0.587, 0.114];
 
 /// Pixels of a mask that an outline spans, ends included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +59,7 @@ impl<'i> Surroundings<'i> {
         let core: Vec<usize> = (0..kinds.len()).filter(|&i| kinds[i] == Kind::Core).collect();
         let inner = core.iter().map(|&i| rgb(i)).sum::<Vector3<f64>>() / core.len() as f64;
         let axis = (inner - Vector3::repeat(inner.mean())).try_normalize(1.0)?;
-        let of = |rgb: Vector3<f64>| [rgb.dot(&axis), rgb.dot(&LUMA_OF_RGB)];
+        let of = |rgb: Vector3<f64>| [rgb.dot(&axis), rgb.dot(&Vector3::from(LUMA_OF_RGB))];
         let colour = (0..kinds.len()).map(|i| of(rgb(i))).collect();
         let plane = Plane::new(width as i32, height as i32, colour, kinds);
         Some(Self { image, corner: [x, y], plane, marker: of(inner), marker_rgb: inner })

@@ -68,7 +68,7 @@ const STEP_PX: f64 = 0.01;
 
 /// The point that both cameras see; `None` where their rays do not meet, the calibration's error allowed for.
 ///
-/// Its covariance is that of both pixels, of which a part is alike, what the cameras' response makes: it moves the point sideways, and not in depth.
+/// Its covariance is that of both pixels, of which a part is alike, as the cameras' response is: it moves the point sideways, and not in depth.
 #[must_use]
 pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<StereoPoint> {
     let pixels = seen.map(|s| s.pixel);
@@ -92,7 +92,7 @@ pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<Stereo
     of_pixels.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariances[0]);
     of_pixels.fixed_view_mut::<2, 2>(2, 2).copy_from(&covariances[1]);
     for axis in 0..2 {
-        let alike = seen.iter().map(|s| s.covariance[(axis, axis)].min(s.response_px * s.response_px)).fold(f64::INFINITY, f64::min);
+        let alike = seen.iter().map(|s| s.covariance[(axis, axis)].min(s.alike_px * s.alike_px)).fold(f64::INFINITY, f64::min);
         of_pixels[(axis, axis + 2)] = alike;
         of_pixels[(axis + 2, axis)] = alike;
     }

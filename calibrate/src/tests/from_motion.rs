@@ -72,7 +72,7 @@ fn records(recording: &Recording, side: Side, seed: u64) -> Vec<Record> {
     let record = |tip: &raven::log::TipObservation| {
         let late: f64 = StandardNormal.sample(&mut random);
         let pixel = if side == Side::Left { tip.left_px } else { tip.right_px };
-        let candidate = Candidate { centre: Vector2::from(pixel), std_px: NOISE_PX, response_px: 0.07, radius_px: 8.0, share: 1.0 };
+        let candidate = Candidate { centre: Vector2::from(pixel), std_px: NOISE_PX, alike_px: 0.07, radius_px: 8.0, share: 1.0 };
         let sighting = if tip.status == TipStatus::Seen { Sighting::Seen(candidate) } else { Sighting::Hidden };
         Record { stamp: tip.stamp.plus_seconds(JITTER_S * late), sighting }
     };

@@ -141,7 +141,7 @@ fn hold(ratios: &[f64]) -> bool {
 
 #[test]
 fn centres_scatter_as_they_claim_raw_and_compressed() {
-    let ratios = square_over_variance(&LIGHTS, 1.0, |ball| ball.std_px.powi(2) - ball.response_px.powi(2));
+    let ratios = square_over_variance(&LIGHTS, 1.0, |ball| ball.std_px.powi(2) - ball.alike_px.powi(2));
     assert!(hold(&ratios), "{ratios:?}");
 }
 
