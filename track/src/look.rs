@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use nalgebra::Vector2;
 use raven::Result;
 use raven::camera::Pinhole;
-use raven::log::CameraFrame;
+use raven::log::{CameraFrame, Part};
 
 use crate::colour::MarkerColour;
 use crate::lock::Size;
@@ -77,8 +77,8 @@ impl Search {
         Self { camera, marker, side_px: FIRST_REGION_PX, size: Size::default() }
     }
 
-    /// Looks around the expected place. Where a blob reaches over the edge of the region, a region twice as wide is searched. The frame is
-    /// decoded down to the end of the region.
+    /// Looks around the expected place. Where a blob reaches over the edge of the region, a region twice as wide is searched. Only
+    /// the region is decoded.
     ///
     /// # Errors
     /// If the frame cannot be decoded.
@@ -88,9 +88,9 @@ impl Search {
         let sampling = frame.sampling();
         loop {
             let region = Region::around(&expected.pixel, side as u32);
-            let image = frame.decode_rgb_top(region.end())?;
-            let blobs = Blobs::find(&image, Some(region), &self.marker.colour).sampled(sampling.as_ref());
-            let candidates: Vec<Candidate> = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, radius_px)).collect();
+            let Part { image, corner } = frame.decode_rgb_part(region.columns(), region.rows())?;
+            let blobs = Blobs::find(&image, Some(region.from(corner)), &self.marker.colour).sampled(sampling.as_ref());
+            let candidates = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, corner, radius_px)).collect::<Vec<_>>();
             if !candidates.is_empty() || side >= self.largest_px() || !blobs.found.iter().any(|blob| blob.cut_off) {
                 return Ok(Found { candidates, blobs: blobs.found.len(), region });
             }
@@ -98,15 +98,17 @@ impl Search {
         }
     }
 
-    fn candidate(&self, blobs: &Blobs<'_>, blob: &Blob, radius_px: f64) -> Option<Candidate> {
+    /// A blob of the part of the frame that begins at `corner`.
+    fn candidate(&self, blobs: &Blobs<'_>, blob: &Blob, corner: [u32; 2], radius_px: f64) -> Option<Candidate> {
         let share = blob.area_px / (PI * radius_px * radius_px);
         let round = blob.aspect >= MIN_ASPECT && blob.ellipse_fill >= MIN_FILL;
         (round && !blob.cut_off && self.size.fits(share)).then(|| {
             let ball = blobs.centre(blob, self.marker.centre);
+            let seen_px = ball.centre_px + Vector2::from(corner.map(f64::from));
             let centre = match self.marker.centre {
                 // The paper's centroid as it is.
-                Centre::Contour => ball.centre_px,
-                Centre::Ball | Centre::Refined => ball_centre(&self.camera, &ball.centre_px, ball.radius_px),
+                Centre::Contour => seen_px,
+                Centre::Ball | Centre::Refined => ball_centre(&self.camera, &seen_px, ball.radius_px),
             };
             Candidate { centre, std_px: ball.std_px, alike_px: ball.alike_px, radius_px: ball.radius_px, share }
         })

@@ -11,6 +11,8 @@
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel.
 
+use std::ops::Range;
+
 use image::RgbImage;
 use nalgebra::Vector2;
 use raven::log::Sampling;
@@ -52,10 +54,22 @@ impl Region {
         Self { x, y, width, height }
     }
 
-    /// The row below it.
+    /// Its columns.
     #[must_use]
-    pub const fn end(&self) -> u32 {
-        self.y.saturating_add(self.height)
+    pub const fn columns(&self) -> Range<u32> {
+        self.x..self.x.saturating_add(self.width)
+    }
+
+    /// Its rows.
+    #[must_use]
+    pub const fn rows(&self) -> Range<u32> {
+        self.y..self.y.saturating_add(self.height)
+    }
+
+    /// The same as it lies in the part of the image that begins at `corner`.
+    #[must_use]
+    pub const fn from(self, corner: [u32; 2]) -> Self {
+        Self { x: self.x.saturating_sub(corner[0]), y: self.y.saturating_sub(corner[1]), ..self }
     }
 
     /// The part that lies in the image; `None` if there is none.

@@ -1,4 +1,4 @@
-//! What can be told of a JPEG file without decoding it: whether its end is there, its size, and a shorter one that holds its upper rows.
+//! What can be told of a JPEG file without decoding it: whether its end is there, its size, and whether its pixels come in one pass.
 //!
 //! After the start `FF D8` follow segments `FF marker length ...`. The frame header (ITU-T T.81, B.2.2) holds
 //!
@@ -7,22 +7,15 @@
 //! ```
 //!
 //! and the scan header `FF DA length(2) components(1) ...` is followed by the pixels. In a sequential file with one scan, as cameras send it,
-//! these come from the top to the bottom, so that a decoder stops early where the header says that the image is lower.
+//! these come from the top to the bottom, so that the upper ones are known before the rest is read.
 
 /// Frame headers of sequential files: baseline and extended. Of the others, C4, C8 and CC are no frame headers.
 const SEQUENTIAL: [u8; 2] = [0xc0, 0xc1];
 const FRAMES: std::ops::RangeInclusive<u8> = 0xc0..=0xcf;
 const NO_FRAMES: [u8; 3] = [0xc4, 0xc8, 0xcc];
 pub(super) const SCAN: u8 = 0xda;
-/// Rows decoded together are a multiple of this many, but for the rare samplings by four.
-const UNIT: u32 = 16;
-/// Rows above the end of an image whose chroma may lack what is below.
-const FRINGE: u32 = 8;
-
-/// Where the frame header is, and what it says.
+/// What the frame header says.
 struct Header {
-    /// Place of the height's two bytes.
-    height_at: usize,
     width: u16,
     height: u16,
     /// Whether all pixels come in one pass from the top to the bottom.
@@ -42,7 +35,7 @@ impl Header {
                 let [_, h1, h0, w1, w0, components] = *segment.content.first_chunk()?;
                 let (height, width) = (u16::from_be_bytes([h1, h0]), u16::from_be_bytes([w1, w0]));
                 let in_one_pass = SEQUENTIAL.contains(&segment.marker);
-                header = Some((Self { height_at: segment.at + 1, width, height, in_one_pass }, components));
+                header = Some((Self { width, height, in_one_pass }, components));
             }
         }
         None
@@ -53,8 +46,6 @@ impl Header {
 pub(super) struct Segment<'a> {
     /// What it is.
     pub(super) marker: u8,
-    /// Where its content begins in the file.
-    at: usize,
     /// What follows its length.
     pub(super) content: &'a [u8],
 }
@@ -93,7 +84,7 @@ impl<'a> Iterator for Segments<'a> {
             let length = usize::from(u16::from_be_bytes([high, low]));
             let (at, end) = (self.at + 4, self.at + 2 + length);
             self.at = end;
-            return self.bytes.get(at..end).map(|content| Segment { marker, at, content });
+            return self.bytes.get(at..end).map(|content| Segment { marker, content });
         }
     }
 }
@@ -103,15 +94,9 @@ pub(super) fn size(bytes: &[u8]) -> Option<(u32, u32)> {
     Header::of(bytes).map(|header| (header.width.into(), header.height.into()))
 }
 
-/// A file whose pixels are the file's upper ones, `rows` of them or a few more; `None` where it would be no lower, or its pixels come in
-/// several passes.
-pub(super) fn top(bytes: &[u8], rows: u32) -> Option<Vec<u8>> {
-    let header = Header::of(bytes).filter(|header| header.in_one_pass)?;
-    let height = rows.saturating_add(FRINGE).checked_next_multiple_of(UNIT)?;
-    let height = u16::try_from(height).ok().filter(|&height| height < header.height)?;
-    let mut top = bytes.to_vec();
-    top.get_mut(header.height_at..)?.first_chunk_mut().map(|at: &mut [u8; 2]| *at = height.to_be_bytes())?;
-    Some(top)
+/// Whether all pixels come in one pass from the top to the bottom, as cameras send them.
+pub(super) fn is_in_one_pass(bytes: &[u8]) -> bool {
+    Header::of(bytes).is_some_and(|header| header.in_one_pass)
 }
 
 /// Whether the last bytes of a JPEG, zeros aside, are not its end marker.
@@ -124,7 +109,6 @@ pub fn is_truncated_jpeg(bytes: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use image::{Rgb, RgbImage};
     use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
     use proptest::prelude::*;
 
@@ -138,55 +122,32 @@ mod tests {
         assert!(is_truncated_jpeg(&[0xff, 0xd8, 0, 0]));
     }
 
-    fn decoded(bytes: &[u8]) -> RgbImage {
-        image::load_from_memory(bytes).unwrap().into_rgb8()
-    }
-
-    const SAMPLINGS: [SamplingFactor; 4] = [SamplingFactor::F_1_1, SamplingFactor::F_2_1, SamplingFactor::F_1_2, SamplingFactor::F_2_2];
-
-    fn picture(sampling: SamplingFactor, change: impl FnOnce(&mut Encoder<&mut Vec<u8>>)) -> Vec<u8> {
-        let image = RgbImage::from_fn(90, 150, |x, y| Rgb([(x * 5 + y) as u8, (y * 7) as u8, ((x ^ y) * 3) as u8]));
-        let mut jpeg = Vec::new();
-        let mut encoder = Encoder::new(&mut jpeg, 90);
-        encoder.set_sampling_factor(sampling);
-        change(&mut encoder);
-        encoder.encode(image.as_raw(), 90, 150, ColorType::Rgb).unwrap();
-        jpeg
-    }
-
     #[test]
-    fn the_upper_rows_are_those_of_the_whole_file() {
-        for sampling in SAMPLINGS {
-            for restarts in [0, 7] {
-                let jpeg = picture(sampling, |encoder| encoder.set_restart_interval(restarts));
-                let whole = decoded(&jpeg);
-                assert_eq!(size(&jpeg), Some((90, 150)));
-                for rows in [0, 1, 8, 9, 40, 63, 100, 120] {
-                    let upper = decoded(&top(&jpeg, rows).unwrap());
-                    assert!(upper.height() >= rows && upper.height() <= rows + 32, "{rows}: {}", upper.height());
-                    let bytes = 3 * 90 * rows as usize;
-                    assert!(upper.as_raw()[..bytes] == whole.as_raw()[..bytes], "{sampling:?}, {rows} rows");
-                }
-                assert!(top(&jpeg, 145).is_none() && top(&jpeg, u32::MAX).is_none());
-            }
+    fn size_and_passes() {
+        let picture = |change: &dyn Fn(&mut Encoder<&mut Vec<u8>>)| {
+            let mut jpeg = Vec::new();
+            let mut encoder = Encoder::new(&mut jpeg, 90);
+            change(&mut encoder);
+            encoder.encode(&[77; 3 * 90 * 150], 90, 150, ColorType::Rgb).unwrap();
+            jpeg
+        };
+        let of = |jpeg: &[u8]| (size(jpeg), is_in_one_pass(jpeg));
+        let sampled = |factor: SamplingFactor| picture(&|encoder: &mut Encoder<_>| encoder.set_sampling_factor(factor));
+        for factor in [SamplingFactor::F_1_1, SamplingFactor::F_2_1, SamplingFactor::F_1_2, SamplingFactor::F_2_2] {
+            assert_eq!(of(&sampled(factor)), (Some((90, 150)), true));
         }
-    }
-
-    #[test]
-    fn a_file_in_several_passes_stays_whole() {
-        let progressive = picture(SamplingFactor::F_2_1, |encoder| encoder.set_progressive(true));
+        let progressive = picture(&|encoder: &mut Encoder<_>| encoder.set_progressive(true));
         // The encoder writes a colour after the other where chroma is sampled by four.
-        let one_by_one = picture(SamplingFactor::F_4_1, |_| {});
-        for jpeg in [progressive, one_by_one] {
-            assert_eq!((size(&jpeg), top(&jpeg, 40)), (Some((90, 150)), None));
+        for jpeg in [progressive, sampled(SamplingFactor::F_4_1)] {
+            assert_eq!(of(&jpeg), (Some((90, 150)), false));
         }
     }
 
     proptest! {
         #[test]
-        fn no_bytes_are_too_odd(junk in prop::collection::vec(any::<u8>(), 0..300), rows: u32) {
+        fn no_bytes_are_too_odd(junk in prop::collection::vec(any::<u8>(), 0..300)) {
             for bytes in [junk.clone(), [&[0xff, 0xd8, 0xff, 0xc0], junk.as_slice()].concat()] {
-                let _ = (size(&bytes), top(&bytes, rows), is_truncated_jpeg(&bytes));
+                let _ = (size(&bytes), is_in_one_pass(&bytes), is_truncated_jpeg(&bytes));
             }
         }
     }

@@ -42,6 +42,7 @@ pub use live::{active_name, complete};
 pub use losses::FrameLosses;
 pub use protobuf::{ClockSample, FrameMeta};
 pub use quality::{GAP_FACTOR, StreamQuality};
+pub use raven_jpeg::Part;
 pub use recording::{MotorSource, Recording};
 pub use recover::{Recovery, recover};
 pub use robot_state::{ARM_JOINTS, RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, RavenState, arm_offset};

@@ -3,14 +3,19 @@
 //! Luma is that of ITU-R BT.601, `Y = 0.299 R + 0.587 G + 0.114 B`, which JPEG and YUYV cameras use themselves.
 
 use std::io::Cursor;
+use std::ops::Range;
 
 use image::{GrayImage, ImageReader, RgbImage};
+use raven_jpeg::{Part, decode_part};
 
 use super::{CameraFrame, FrameData, jpeg};
 use crate::{Error, Result};
 
 /// Larger images are damage, not data.
 const LARGEST_SIDE: u32 = 16_384;
+
+/// The whole of an image, in Rust with vector instructions, takes less time than a larger share of it.
+const LARGEST_PART: f64 = 0.5;
 
 /// Layouts of raw frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,21 +65,29 @@ impl CameraFrame {
     /// # Errors
     /// A sentence, if the JPEG is broken or the layout is unknown or too short for its size.
     pub fn decode_rgb(&self) -> Result<RgbImage> {
-        self.decode_rgb_top(u32::MAX)
+        match &self.data {
+            FrameData::Jpeg(bytes) => Ok(self.decode_file(bytes)?.into_rgb8()),
+            FrameData::Raw { .. } => self.rgb(self.raster()?),
+        }
     }
 
-    /// The frame's upper `rows` rows in colour, and more of them where that costs nothing.
+    /// The frame's pixels in some columns and rows, as far as it has them, and more of it where that costs nothing.
     ///
     /// # Errors
     /// Those of [`CameraFrame::decode_rgb`].
-    pub fn decode_rgb_top(&self, rows: u32) -> Result<RgbImage> {
-        let raster = match &self.data {
-            FrameData::Jpeg(bytes) => {
-                let top = jpeg::top(bytes, rows);
-                return Ok(self.decode_file(top.as_ref().unwrap_or(bytes))?.into_rgb8());
+    pub fn decode_rgb_part(&self, columns: Range<u32>, rows: Range<u32>) -> Result<Part> {
+        let part = match &self.data {
+            FrameData::Jpeg(bytes) if is_worth_a_part(bytes, &columns, &rows) => decode_part(bytes, columns, rows),
+            FrameData::Raw { height, .. } if rows.start < rows.end.min(*height) => {
+                let image = self.rgb(self.raster()?.between(&rows))?;
+                Some(Part { image, corner: [0, rows.start] })
             }
-            FrameData::Raw { .. } => self.raster()?.top(rows),
+            _ => None,
         };
+        part.map_or_else(|| self.decode_rgb().map(Part::whole), Ok)
+    }
+
+    fn rgb(&self, raster: Raster<'_>) -> Result<RgbImage> {
         let (width, height) = (raster.width, raster.height);
         let pixels = raster.collect(3 * width as usize, |layout, row, out| match layout {
             Layout::Rgb => out.extend_from_slice(row),
@@ -181,8 +194,12 @@ impl CameraFrame {
 }
 
 impl Raster<'_> {
-    fn top(self, rows: u32) -> Self {
-        Self { height: self.height.min(rows.max(1)), ..self }
+    /// Some of its rows, which it must have.
+    fn between(mut self, rows: &Range<u32>) -> Self {
+        self.height = self.height.min(rows.end) - rows.start;
+        // Leaves out the rows above.
+        rows.start.checked_sub(1).and_then(|last| self.rows.nth(last as usize));
+        self
     }
 
     fn collect(self, row_size: usize, convert: impl Fn(Layout, &[u8], &mut Vec<u8>)) -> Vec<u8> {
@@ -192,6 +209,13 @@ impl Raster<'_> {
         }
         pixels
     }
+}
+
+/// Whether so much of a JPEG takes less time than the whole.
+fn is_worth_a_part(bytes: &[u8], columns: &Range<u32>, rows: &Range<u32>) -> bool {
+    let share = |range: &Range<u32>, size: u32| f64::from(range.end.min(size).saturating_sub(range.start)) / f64::from(size);
+    let is_small = |(width, height)| share(columns, width) * share(rows, height) < LARGEST_PART;
+    jpeg::size(bytes).is_some_and(is_small) && jpeg::is_in_one_pass(bytes)
 }
 
 /// Luma after BT.601, in 16-bit fixed point, rounded.
@@ -253,6 +277,25 @@ mod tests {
     }
 
     #[test]
+    fn a_part_is_where_it_says() {
+        let pixels = |x: u32, y: u32| image::Rgb([(x * 2) as u8, (y * 2) as u8, 99]);
+        let image = RgbImage::from_fn(100, 90, pixels);
+        let mut jpeg = raw("", 0, 0, 0, Vec::new());
+        let mut file = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut file, 100).encode_image(&image).unwrap();
+        jpeg.data = FrameData::Jpeg(file);
+        for frame in [raw("rgb8", 100, 90, 300, image.into_raw()), jpeg] {
+            for (columns, rows) in [(20..40, 30..50), (0..9, 0..9), (60..200, 70..200), (0..100, 0..90), (120..140, 95..99), (5..5, 7..7)] {
+                let Part { image, corner: [left, top] } = frame.decode_rgb_part(columns.clone(), rows.clone()).unwrap();
+                for (x, y) in columns.flat_map(|x| rows.clone().map(move |y| (x, y))).filter(|&(x, y)| x < 100 && y < 90) {
+                    let off = image.get_pixel(x - left, y - top).0.iter().zip(pixels(x, y).0).map(|(a, b)| a.abs_diff(b)).max();
+                    assert!(off <= Some(5), "{x} {y}: {off:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_gray_jpeg_and_its_colour_twin_have_one_luma() {
         let gray = GrayImage::from_fn(32, 32, |x, y| image::Luma([(x * 4 + y * 3) as u8]));
         let mut jpeg = Vec::new();
@@ -277,6 +320,7 @@ mod tests {
             data in prop::collection::vec(any::<u8>(), 0..200),
         ) {
             let frame = raw(&encoding, width, height, step, data);
+            let _ = frame.decode_rgb_part(1..width, 2..height);
             if let Ok(rgb) = frame.decode_rgb() {
                 prop_assert_eq!((rgb.width(), rgb.height()), (width, height));
                 prop_assert!(frame.decode_gray().is_ok());

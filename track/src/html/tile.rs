@@ -2,7 +2,7 @@
 
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, RgbImage, imageops};
-use raven::log::CameraFrame;
+use raven::log::{CameraFrame, Part};
 use raven::plot::page::png_uri;
 use raven::plot::svg::{frame, line, rectangle};
 
@@ -39,16 +39,17 @@ impl Tile {
     #[must_use]
     pub fn cut(frame: &CameraFrame, time_s: f64, looked: &Looked, colour: &MarkerColour) -> Option<Self> {
         let (expected, region) = looked.searched?;
-        let image = frame.decode_rgb_top(region.end()).ok()?;
-        let region = region.clipped(&image)?;
-        let part = imageops::crop_imm(&image, region.x, region.y, region.width, region.height);
+        let Part { image, corner } = frame.decode_rgb_part(region.columns(), region.rows()).ok()?;
+        let in_part = region.from(corner).clipped(&image)?;
+        let region = Region { x: region.x, y: region.y, ..in_part };
+        let part = imageops::crop_imm(&image, in_part.x, in_part.y, region.width, region.height);
         let smaller = region.width.max(region.height).div_ceil(SIDE);
         let picture = match smaller {
             0 | 1 => part.to_image(),
             by => imageops::thumbnail(&*part, (region.width / by).max(1), (region.height / by).max(1)),
         };
         let mut left = PIXELS;
-        let mut all = outlines(&colour.mask(&image, region).clean());
+        let mut all = outlines(&colour.mask(&image, in_part).clean());
         all.sort_by_key(|outline| std::cmp::Reverse(outline.len()));
         let shown = all.into_iter().take(OUTLINES).take_while(|outline| {
             let fits = outline.len() <= left;
