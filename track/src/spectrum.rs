@@ -43,10 +43,10 @@ const ROUNDING2: f64 = 1.0 / 12.0;
 /// Where a sample loses trust, in standard deviations of those away from the edge.
 const HUBER: f64 = 2.5;
 /// Standard deviation in a file's samples, grey levels: where the search for it begins, and the least, as no ball is quite as the model.
-const NOISE: f64 = 2.0;
+const NOISE: f32 = 2.0;
 const LEAST_NOISE: f64 = 1.5;
 /// A coefficient counts as no farther off than so many standard deviations in that search.
-const FAR: f64 = 3.0;
+const FAR: f32 = 3.0;
 
 /// How much of a bent response there may be before residuals tell, where one is a response by the square root. By rendered balls it is found
 /// to 0.2, and half of it is where harmonics follow the light badly: so much shows that there is one, and as much may be there unseen.
@@ -90,6 +90,7 @@ impl<'s> Spectrum<'s> {
     #[inline(always)]
     fn noise2<S: Simd>(&self, simd: S, fit: &Settled) -> [f64; PLANES] {
         let mut sums = [[0.0, 1e-12]; PLANES];
+        let beyond = self.squares.steps.map(|steps| steps.map(Beyond::rounding_to));
         let model = Model::new(simd, &fit.x, fit.shade, self.squares.corner);
         for (square, plane, slot) in self.squares.in_planes() {
             let mut misses = [0.0; COUNT];
@@ -98,15 +99,12 @@ impl<'s> Spectrum<'s> {
                 *misses = (told.miss * trust).to_array();
             }
             to_cosines(&mut misses);
-            for (miss, step) in misses.into_iter().zip(&self.squares.steps[plane]) {
-                let rounding2 = f64::from(step * step) / 12.0;
-                let expected2 = rounding2 + NOISE * NOISE;
-                let square = f64::from(miss).powi(2).min(FAR * FAR * expected2);
-                sums[plane][0] += (square - rounding2) / (expected2 * expected2);
-                sums[plane][1] += 1.0 / (expected2 * expected2);
+            for (miss, Beyond { rounding2, most2, weight }) in misses.into_iter().zip(&beyond[plane]) {
+                sums[plane][0] += ((miss * miss).min(*most2) - rounding2) * weight;
+                sums[plane][1] += weight;
             }
         }
-        sums.map(|[sum, weight]| (sum / weight).max(LEAST_NOISE * LEAST_NOISE))
+        sums.map(|[sum, weight]| f64::from(sum / weight).max(LEAST_NOISE * LEAST_NOISE))
     }
 
     /// What the model says of a block's samples in a plane, and how far they are trusted.
@@ -125,25 +123,18 @@ impl<'s> Spectrum<'s> {
     #[inline(always)]
     fn coefficients<S: Simd>(&self, simd: S, model: &Model<S>, square: &Square, plane: usize, slot: usize) -> Option<Transformed<S>> {
         let blur = self.squares.channels[plane].blur;
-        let mut lanes = [[0.0; LANES]; COUNT];
+        let mut transformed = [f32x16::splat(simd, 0.0); COUNT];
         let mut tells = false;
-        for (block, lanes) in square.blocks.iter().zip(lanes.as_chunks_mut::<LANES>().0) {
+        for (block, samples) in square.blocks.iter().zip(transformed.as_chunks_mut::<LANES>().0) {
             let (told, trust) = self.tell(simd, model, block, plane, slot);
             tells |= told.share.simd_gt(AWAY).any_true();
-            for lane in 0..LANES {
-                let values = if lane == MISS { told.miss } else { told.rows[unknown(lane, blur)] };
-                let values = (values * trust).to_array();
-                for (lanes, value) in lanes.iter_mut().zip(values) {
-                    lanes[lane] = value;
-                }
+            for (lane, values) in samples.iter_mut().enumerate() {
+                *values = trust * if lane == MISS { told.miss } else { told.rows[unknown(lane, blur)] };
             }
+            *samples = transposed(*samples);
         }
         if !tells {
             return None;
-        }
-        let mut transformed = [f32x16::splat(simd, 0.0); COUNT];
-        for (transformed, lanes) in transformed.iter_mut().zip(lanes) {
-            *transformed = f32x16::load_array(simd, lanes);
         }
         to_cosines(&mut transformed);
         Some(transformed)
@@ -260,6 +251,25 @@ impl Evidence for Spectrum<'_> {
     }
 }
 
+/// What a coefficient's squared miss says of the noise.
+#[derive(Debug, Clone, Copy)]
+struct Beyond {
+    /// Variance of its rounding.
+    rounding2: f32,
+    /// The largest square that counts.
+    most2: f32,
+    /// Inverse variance of the square, but for a factor.
+    weight: f32,
+}
+
+impl Beyond {
+    fn rounding_to(step: f32) -> Self {
+        let rounding2 = step * step / 12.0;
+        let expected2 = rounding2 + NOISE * NOISE;
+        Self { rounding2, most2: FAR * FAR * expected2, weight: (expected2 * expected2).recip() }
+    }
+}
+
 /// Squared misses away from the edge, by plane.
 #[inline(always)]
 fn away<S: Simd>(simd: S, squares: &Squares, fit: &Settled) -> [Vec<f64>; PLANES] {
@@ -276,6 +286,19 @@ fn away<S: Simd>(simd: S, squares: &Squares, fit: &Settled) -> [Vec<f64>; PLANES
         }
     }
     away2
+}
+
+/// Rows as columns: four times, each half is laid between the other.
+#[inline(always)]
+fn transposed<S: Simd>(mut rows: [f32x16<S>; LANES]) -> [f32x16<S>; LANES] {
+    const HALF: usize = LANES / 2;
+    for _ in 0..LANES.ilog2() {
+        let before = rows;
+        for i in 0..HALF {
+            (rows[2 * i], rows[2 * i + 1]) = before[i].interleave(before[HALF + i]);
+        }
+    }
+    rows
 }
 
 /// The unknown by which a lane has the derivative, in a plane with this blur: outline, the one blur, brightness.
