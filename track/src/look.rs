@@ -123,7 +123,7 @@ impl Search {
     /// The marker was not found: the region grows, up to twice the image.
     pub fn lost(&mut self) {
         self.size.lost();
-        self.side_px = (1.5 * self.side_px).min(self.largest_px());
+        self.side_px = (1.1 * self.side_px).min(self.largest_px());
     }
 
     fn largest_px(&self) -> f64 {

@@ -54,6 +54,20 @@ pub(crate) struct Place<S: Simd> {
     nearer: [f32x16<S>; BLUR],
 }
 
+/// How much of the ball is in pixels and how bright it is there, whatever the coordinate of colour.
+pub(crate) struct Light<S: Simd> {
+    blur: usize,
+    /// From the outline, in blurs.
+    t: f32x16<S>,
+    tells: mask32x16<S>,
+    share: f32x16<S>,
+    /// What the share gains where the outline is nearer by a pixel.
+    slope: f32x16<S>,
+    /// Derivatives of the brightness by its coefficients.
+    terms: [f32x16<S>; SIZE - BRIGHTNESS],
+    brightness: f32x16<S>,
+}
+
 /// What the model says of pixels, in one coordinate of colour.
 pub(crate) struct Told<S: Simd> {
     /// Colour seen minus colour told.
@@ -91,35 +105,29 @@ impl<S: Simd> Model<S> {
         Place { dx, dy, from_centre, distance: from_centre - radius, nearer }
     }
 
-    /// In one coordinate of colour.
+    /// Where an edge has the blur of chroma or of luma.
     #[inline(always)]
-    pub(crate) fn tell(&self, samples: &Samples, place: &Place<S>, channel: Channel) -> Told<S> {
-        let (radius, blur, gain) = (self.x[2], self.x[BLUR + channel.blur], channel.gain);
-        let [colour, background] = [samples.colour, samples.background].map(|of| f32x16::load_array(self.simd, of));
-        let t = place.distance / blur;
+    pub(crate) fn light(&self, place: &Place<S>, blur: usize) -> Light<S> {
+        let (radius, blur_px) = (self.x[2], self.x[BLUR + blur]);
+        let t = place.distance / blur_px;
         let tells = t.simd_le(OUTSIDE);
         let t = t.max(INSIDE).min(OUTSIDE);
         let share = normal(t);
         // Blur brings the marker's light to a pixel from within the outline: the mean of the distances below 0.
-        let within = (t - exp(t * t * -0.5) * DENSITY / share) * blur;
+        let within = (t - exp(t * t * -0.5) * DENSITY / share) * blur_px;
         // The ball's surface normal there.
         let inwards = (within + radius).max(0.0) / (place.from_centre * radius);
         let (nx, ny) = (place.dx * inwards, place.dy * inwards);
         let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
-        let (terms, brightness) = self.brightness([nx, ny, nz], blur);
-        let bright = brightness * gain;
-        let contrast = bright - background;
-        let slope = share * (1.0 - share) * (t * t * (3.0 * NORMAL[1]) + NORMAL[0]) / blur * contrast;
+        let (terms, brightness) = self.brightness([nx, ny, nz], blur_px);
+        let slope = share * (1.0 - share) * (t * t * (3.0 * NORMAL[1]) + NORMAL[0]) / blur_px;
+        Light { blur, t, tells, share, slope, terms, brightness }
+    }
 
-        let mut rows = [f32x16::splat(self.simd, 0.0); SIZE];
-        for (row, nearer) in rows.iter_mut().zip(&place.nearer) {
-            *row = slope * *nearer;
-        }
-        rows[BLUR + channel.blur] = slope * t;
-        for (row, term) in rows[BRIGHTNESS..].iter_mut().zip(&terms) {
-            *row = share * gain * *term;
-        }
-        Told { miss: colour - background - share * contrast, share, contrast, bright, tells, rows }
+    /// In one coordinate of colour.
+    #[inline(always)]
+    pub(crate) fn tell(&self, samples: &Samples, place: &Place<S>, channel: Channel) -> Told<S> {
+        self.light(place, channel.blur).tell(self.simd, samples, place, channel.gain)
     }
 
     /// Brightness at a surface normal, and its derivatives by its coefficients.
@@ -144,6 +152,27 @@ impl<S: Simd> Model<S> {
                 (terms, lamp * lit + exp(t * t * -0.5) * (DENSITY * spread) + even)
             }
         }
+    }
+}
+
+impl<S: Simd> Light<S> {
+    /// In a coordinate of colour in which the marker's colour is `gain` times its chroma.
+    #[inline(always)]
+    pub(crate) fn tell(&self, simd: S, samples: &Samples, place: &Place<S>, gain: f32) -> Told<S> {
+        let [colour, background] = [samples.colour, samples.background].map(|of| f32x16::load_array(simd, of));
+        let bright = self.brightness * gain;
+        let contrast = bright - background;
+        let slope = self.slope * contrast;
+        let mut rows = [f32x16::splat(simd, 0.0); SIZE];
+        for (row, nearer) in rows.iter_mut().zip(&place.nearer) {
+            *row = slope * *nearer;
+        }
+        rows[BLUR + self.blur] = slope * self.t;
+        for (row, term) in rows[BRIGHTNESS..].iter_mut().zip(&self.terms) {
+            *row = self.share * gain * *term;
+        }
+        let miss = colour - background - self.share * contrast;
+        Told { miss, share: self.share, contrast, bright, tells: self.tells, rows }
     }
 }
 

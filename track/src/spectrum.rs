@@ -25,13 +25,13 @@ use nalgebra::Vector2;
 use crate::centre::{BLUR, BRIGHTNESS, Errors, Evidence, Matrix, SIZE, Settled, Vector};
 use crate::correlated::{Influence, Size};
 use crate::cosines::{COUNT, SIDE, to_cosines, to_samples};
-use crate::model::{Model, Shade, Told};
+use crate::model::{Light, Model, Place, Shade, Told};
 use crate::normal::Normal;
 use crate::patch::{Block, LANES, LUMA};
 use crate::pixels::Expected;
 use crate::refine::{robust_mean, shade};
 use crate::sieve::LEVEL;
-use crate::squares::{OF_RGB, PLANES, Square, Squares};
+use crate::squares::{BLOCKS, OF_RGB, PLANES, Square, Squares};
 
 /// Where the miss is among the lanes that are transformed; before it are the derivatives, see [`unknown`].
 const MISS: usize = LANES - 1;
@@ -70,6 +70,12 @@ pub(crate) struct Spectrum<'s> {
 /// Derivatives and miss in the lanes of each coefficient, or of each sample.
 type Transformed<S> = [f32x16<S>; COUNT];
 
+/// Samples on a ball, and how it is lit there.
+struct Lit<S: Simd> {
+    place: Place<S>,
+    light: Light<S>,
+}
+
 impl<'s> Spectrum<'s> {
     /// With the weights that a fit gives.
     pub(crate) fn weighed(squares: &'s Squares, fit: &Settled) -> Self {
@@ -92,16 +98,19 @@ impl<'s> Spectrum<'s> {
         let mut sums = [[0.0, 1e-12]; PLANES];
         let beyond = self.squares.steps.map(|steps| steps.map(Beyond::rounding_to));
         let model = Model::new(simd, &fit.x, fit.shade, self.squares.corner);
-        for (square, plane, slot) in self.squares.in_planes() {
-            let mut misses = [0.0; COUNT];
-            for (block, misses) in square.blocks.iter().zip(misses.as_chunks_mut().0) {
-                let (told, trust) = self.tell(simd, &model, block, plane, slot);
-                *misses = (told.miss * trust).to_array();
-            }
-            to_cosines(&mut misses);
-            for (miss, Beyond { rounding2, most2, weight }) in misses.into_iter().zip(&beyond[plane]) {
-                sums[plane][0] += ((miss * miss).min(*most2) - rounding2) * weight;
-                sums[plane][1] += weight;
+        for square in &self.squares.all {
+            let lit = lit(&model, square, self.squares);
+            for (plane, slot) in square.planes() {
+                let mut misses = [0.0; COUNT];
+                for ((block, lit), misses) in square.blocks.iter().zip(&lit).zip(misses.as_chunks_mut().0) {
+                    let (told, trust) = self.tell(simd, lit, block, plane, slot);
+                    *misses = (told.miss * trust).to_array();
+                }
+                to_cosines(&mut misses);
+                for (miss, Beyond { rounding2, most2, weight }) in misses.into_iter().zip(&beyond[plane]) {
+                    sums[plane][0] += ((miss * miss).min(*most2) - rounding2) * weight;
+                    sums[plane][1] += weight;
+                }
             }
         }
         sums.map(|[sum, weight]| f64::from(sum / weight).max(LEAST_NOISE * LEAST_NOISE))
@@ -109,11 +118,11 @@ impl<'s> Spectrum<'s> {
 
     /// What the model says of a block's samples in a plane, and how far they are trusted.
     #[inline(always)]
-    fn tell<S: Simd>(&self, simd: S, model: &Model<S>, block: &Block, plane: usize, slot: usize) -> (Told<S>, f32x16<S>) {
+    fn tell<S: Simd>(&self, simd: S, lit: &Lit<S>, block: &Block, plane: usize, slot: usize) -> (Told<S>, f32x16<S>) {
         let expected = &self.expected[plane];
         let mut samples = block.planes[slot];
         samples.without_noise(self.squares.everywhere[plane], expected.noise * expected.noise);
-        let told = model.tell(&samples, &model.place(block.u, block.v), self.squares.channels[plane]);
+        let told = lit.light.tell(simd, &samples, &lit.place, self.squares.channels[plane].gain);
         let trust = (told.trust(simd, &samples, expected).sqrt() * expected.noise as f32).min(1.0);
         let trust = block.is_looked_at(simd).select(trust, f32x16::splat(simd, 0.0));
         (told, trust)
@@ -121,12 +130,12 @@ impl<'s> Spectrum<'s> {
 
     /// Of a square in one plane; `None` where nothing of the ball is in it.
     #[inline(always)]
-    fn coefficients<S: Simd>(&self, simd: S, model: &Model<S>, square: &Square, plane: usize, slot: usize) -> Option<Transformed<S>> {
+    fn coefficients<S: Simd>(&self, simd: S, lit: &[Lit<S>; BLOCKS], square: &Square, plane: usize, slot: usize) -> Option<Transformed<S>> {
         let blur = self.squares.channels[plane].blur;
         let mut transformed = [f32x16::splat(simd, 0.0); COUNT];
         let mut tells = false;
-        for (block, samples) in square.blocks.iter().zip(transformed.as_chunks_mut::<LANES>().0) {
-            let (told, trust) = self.tell(simd, model, block, plane, slot);
+        for ((block, lit), samples) in square.blocks.iter().zip(lit).zip(transformed.as_chunks_mut::<LANES>().0) {
+            let (told, trust) = self.tell(simd, lit, block, plane, slot);
             tells |= told.share.simd_gt(AWAY).any_true();
             for (lane, values) in samples.iter_mut().enumerate() {
                 *values = trust * if lane == MISS { told.miss } else { told.rows[unknown(lane, blur)] };
@@ -145,13 +154,16 @@ impl<'s> Spectrum<'s> {
         let model = Model::new(simd, x, shade, self.squares.corner);
         // Luma has one blur, Cb and Cr the other.
         let mut sums = [[f32x16::splat(simd, 0.0); LANES]; 2];
-        for (square, plane, slot) in self.squares.in_planes() {
-            let Some(lanes) = self.coefficients(simd, &model, square, plane, slot) else { continue };
-            let sums = &mut sums[self.squares.channels[plane].blur];
-            for (coefficient, weight) in lanes.iter().zip(self.weights[plane]) {
-                let weighted = (*coefficient * weight).to_array();
-                for (sum, weighted) in sums.iter_mut().zip(weighted) {
-                    *sum = coefficient.mul_add(f32x16::splat(simd, weighted), *sum);
+        for square in &self.squares.all {
+            let lit = lit(&model, square, self.squares);
+            for (plane, slot) in square.planes() {
+                let Some(lanes) = self.coefficients(simd, &lit, square, plane, slot) else { continue };
+                let sums = &mut sums[self.squares.channels[plane].blur];
+                for (coefficient, weight) in lanes.iter().zip(self.weights[plane]) {
+                    let weighted = (*coefficient * weight).to_array();
+                    for (sum, weighted) in sums.iter_mut().zip(weighted) {
+                        *sum = coefficient.mul_add(f32x16::splat(simd, weighted), *sum);
+                    }
                 }
             }
         }
@@ -173,28 +185,31 @@ impl<'s> Spectrum<'s> {
         let (mut pulls, mut along, mut squares) = (Vector::zeros(), 0.0, 0.0);
         let centre_by = fit.centre_by();
         let model = Model::new(simd, &fit.x, fit.shade, self.squares.corner);
-        for (square, plane, slot) in self.squares.in_planes() {
-            let Some(mut lanes) = self.coefficients(simd, &model, square, plane, slot) else { continue };
-            let blur = self.squares.channels[plane].blur;
-            let by = |axis: usize| {
-                let lane = |lane: usize| if lane < MISS { centre_by[(axis, unknown(lane, blur))] as f32 } else { 0.0 };
-                std::array::from_fn(lane)
-            };
-            let [across, down] = [f32x16::load_array(simd, by(0)), f32x16::load_array(simd, by(1))];
-            let bent = self.bent(simd, &model, square, plane, slot);
-            let mut pull = f32x16::splat(simd, 0.0);
-            for ((coefficient, weight), bent) in lanes.iter_mut().zip(self.weights[plane]).zip(bent) {
-                pull = coefficient.mul_add(f32x16::splat(simd, bent * weight), pull);
-                squares += f64::from(bent * weight * bent);
-                *coefficient *= weight.sqrt();
-            }
-            (0..MISS).for_each(|lane| pulls[unknown(lane, blur)] += f64::from(pull[lane]));
-            along += f64::from(pull[MISS]);
-            to_samples(&mut lanes);
-            for (i, sample) in lanes.iter().enumerate() {
-                let pixel = [square.at[0] + (i % SIDE) as i32, square.at[1] + (i / SIDE) as i32];
-                let moves_px = [(*sample * across).reduce_sum(), (*sample * down).reduce_sum()];
-                planes[plane].push(Influence { pixel, whitened: sample[MISS], moves_px });
+        for square in &self.squares.all {
+            let lit = lit(&model, square, self.squares);
+            for (plane, slot) in square.planes() {
+                let Some(mut lanes) = self.coefficients(simd, &lit, square, plane, slot) else { continue };
+                let blur = self.squares.channels[plane].blur;
+                let by = |axis: usize| {
+                    let lane = |lane: usize| if lane < MISS { centre_by[(axis, unknown(lane, blur))] as f32 } else { 0.0 };
+                    std::array::from_fn(lane)
+                };
+                let [across, down] = [f32x16::load_array(simd, by(0)), f32x16::load_array(simd, by(1))];
+                let bent = self.bent(simd, &lit, square, plane, slot);
+                let mut pull = f32x16::splat(simd, 0.0);
+                for ((coefficient, weight), bent) in lanes.iter_mut().zip(self.weights[plane]).zip(bent) {
+                    pull = coefficient.mul_add(f32x16::splat(simd, bent * weight), pull);
+                    squares += f64::from(bent * weight * bent);
+                    *coefficient *= weight.sqrt();
+                }
+                (0..MISS).for_each(|lane| pulls[unknown(lane, blur)] += f64::from(pull[lane]));
+                along += f64::from(pull[MISS]);
+                to_samples(&mut lanes);
+                for (i, sample) in lanes.iter().enumerate() {
+                    let pixel = [square.at[0] + (i % SIDE) as i32, square.at[1] + (i / SIDE) as i32];
+                    let moves_px = [(*sample * across).reduce_sum(), (*sample * down).reduce_sum()];
+                    planes[plane].push(Influence { pixel, whitened: sample[MISS], moves_px });
+                }
             }
         }
         let moved = fit.moved_by(&pulls);
@@ -208,11 +223,11 @@ impl<'s> Spectrum<'s> {
     /// By how much a bent response changes a square's coefficients: with grey levels that are roots of the light (gamma 2) a pixel of two
     /// colours is brighter than their mean, whichever of them is darker.
     #[inline(always)]
-    fn bent<S: Simd>(&self, simd: S, model: &Model<S>, square: &Square, plane: usize, slot: usize) -> [f32; COUNT] {
+    fn bent<S: Simd>(&self, simd: S, lit: &[Lit<S>; BLOCKS], square: &Square, plane: usize, slot: usize) -> [f32; COUNT] {
         let (marker, background) = (self.squares.marker_rgb, self.squares.background_rgb);
         let mut bent = [0.0; COUNT];
-        for (block, bent) in square.blocks.iter().zip(bent.as_chunks_mut().0) {
-            let (told, trust) = self.tell(simd, model, block, plane, slot);
+        for ((block, lit), bent) in square.blocks.iter().zip(lit).zip(bent.as_chunks_mut().0) {
+            let (told, trust) = self.tell(simd, lit, block, plane, slot);
             let lit = told.bright / self.squares.channels[plane].gain;
             let mut sum = f32x16::splat(simd, 0.0);
             for channel in 0..3 {
@@ -251,6 +266,22 @@ impl Evidence for Spectrum<'_> {
     }
 }
 
+/// Of a square's blocks: Cb and Cr have the same.
+#[inline(always)]
+fn lit<S: Simd>(model: &Model<S>, square: &Square, squares: &Squares) -> [Lit<S>; BLOCKS] {
+    let blur = squares.blur(square);
+    // Not by `map`, whose closure may not be inlined: it would lose the processor's instructions.
+    let [a, b, c, d] = &square.blocks;
+    let (a, b, c, d) = (model.place(a.u, a.v), model.place(b.u, b.v), model.place(c.u, c.v), model.place(d.u, d.v));
+    let lights = (model.light(&a, blur), model.light(&b, blur), model.light(&c, blur), model.light(&d, blur));
+    [
+        Lit { place: a, light: lights.0 },
+        Lit { place: b, light: lights.1 },
+        Lit { place: c, light: lights.2 },
+        Lit { place: d, light: lights.3 },
+    ]
+}
+
 /// What a coefficient's squared miss says of the noise.
 #[derive(Debug, Clone, Copy)]
 struct Beyond {
@@ -276,10 +307,10 @@ fn away<S: Simd>(simd: S, squares: &Squares, fit: &Settled) -> [Vec<f64>; PLANES
     let mut away2 = [const { Vec::new() }; PLANES];
     let model = Model::new(simd, &fit.x, fit.shade, squares.corner);
     for square in &squares.all {
-        for block in &square.blocks {
-            let (place, looked_at) = (model.place(block.u, block.v), block.is_looked_at(simd));
+        for (block, lit) in square.blocks.iter().zip(&lit(&model, square, squares)) {
+            let looked_at = block.is_looked_at(simd);
             for (plane, slot) in square.planes() {
-                let told = model.tell(&block.planes[slot], &place, squares.channels[plane]);
+                let told = lit.light.tell(simd, &block.planes[slot], &lit.place, squares.channels[plane].gain);
                 let wanted = |&i: &usize| looked_at.test(i) && told.share[i].min(1.0 - told.share[i]) < AWAY;
                 away2[plane].extend((0..LANES).filter(wanted).map(|i| f64::from(told.miss[i]).powi(2)));
             }

@@ -19,7 +19,7 @@ use crate::plane::{Kind, Plane};
 use crate::surroundings::{LUMA_OF_RGB, Surroundings};
 
 /// Blocks of a square, two rows each.
-const BLOCKS: usize = COUNT / LANES;
+pub(crate) const BLOCKS: usize = COUNT / LANES;
 /// Luma, Cb and Cr.
 pub(crate) const PLANES: usize = 3;
 /// What red, green and blue make of them (JFIF 1.02).
@@ -72,9 +72,9 @@ pub(crate) struct Squares {
 }
 
 impl Squares {
-    /// Each square in each of its planes, and where its blocks hold the plane.
-    pub(crate) fn in_planes(&self) -> impl Iterator<Item = (&Square, usize, usize)> {
-        self.all.iter().flat_map(|square| square.planes().map(move |(plane, slot)| (square, plane, slot)))
+    /// Which blur a square has: that of chroma or of luma.
+    pub(crate) const fn blur(&self, square: &Square) -> usize {
+        self.channels[square.first].blur
     }
 
     /// Of a blob's surroundings; `None` where there is too little background.
