@@ -11,7 +11,8 @@ pub fn rms(values: &[f64]) -> Option<f64> {
 /// Median of finite values; `None` of nothing.
 #[must_use]
 pub fn median(values: &[f64]) -> Option<f64> {
-    let mut finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let mut finite = values.to_vec();
+    finite.retain(|v| v.is_finite());
     let middle = finite.len() / 2;
     let is_odd = finite.len() % 2 == 1;
     if finite.is_empty() {

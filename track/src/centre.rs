@@ -48,8 +48,9 @@ const SPECTRUM: usize = 2;
 /// Standard deviation of a lamp's light over the mean brightness; what else harmonics follow is not there.
 const LAMP_STD: [f64; 2] = [2.0, 1e-6];
 const ITERATIONS: usize = 15;
-/// Steps smaller than this end a fit that only gives a start [px].
+/// Steps smaller than this end a fit that only gives a start [px]: for decoded pixels, or for the spectrum, which moves the centre by more.
 const ROUGH_PX: f64 = 0.02;
+const ROUGHER_PX: f64 = 0.1;
 /// Steps that end one that gives the centre, as part of its standard deviation.
 const FINE: f64 = 0.1;
 
@@ -146,7 +147,8 @@ pub(crate) fn fit(patch: &Patch, squares: Option<&Squares>, start_px: Vector2<f6
     let start = Start { centre_px: start_px, radius_px, chroma: patch.chroma };
     // The first only gives weights and a place to go on from: every other pixel, as on a chessboard, tells enough.
     let usual = Pixels::usual(patch);
-    let first = start.settle(&usual, Shade::Harmonics, None, ROUGH_PX)?;
+    let enough_px = if squares.is_some() { ROUGHER_PX } else { ROUGH_PX };
+    let first = start.settle(&usual, Shade::Harmonics, None, enough_px)?;
     let passes = |least: usize| if refine { REFINED } else { least };
     let by_squares = squares.and_then(|squares| {
         let (fitted, spectrum) = start.refine(first, None, passes(SPECTRUM), |fit| Spectrum::weighed(squares, fit));

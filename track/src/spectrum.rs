@@ -245,7 +245,7 @@ impl<'s> Spectrum<'s> {
 
 impl Evidence for Spectrum<'_> {
     /// A step leaves a tenth of itself.
-    const ENOUGH_PX: [f64; 2] = [0.2, 0.02];
+    const ENOUGH_PX: [f64; 2] = [0.2, 0.04];
 
     fn normal(&self, x: &Vector, shade: Shade) -> Normal {
         dispatch!(*LEVEL, simd => self.normal_of(simd, x, shade))
@@ -304,7 +304,7 @@ impl Beyond {
 /// Squared misses away from the edge, by plane.
 #[inline(always)]
 fn away<S: Simd>(simd: S, squares: &Squares, fit: &Settled) -> [Vec<f64>; PLANES] {
-    let mut away2 = [const { Vec::new() }; PLANES];
+    let mut away2 = [0; PLANES].map(|_| Vec::with_capacity(COUNT * squares.all.len()));
     let model = Model::new(simd, &fit.x, fit.shade, squares.corner);
     for square in &squares.all {
         for (block, lit) in square.blocks.iter().zip(&lit(&model, square, squares)) {
