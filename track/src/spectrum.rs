@@ -21,7 +21,6 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};
 
 use nalgebra::Vector2;
-use raven::log::Steps;
 
 use crate::centre::{BLUR, BRIGHTNESS, Errors, Evidence, Matrix, SIZE, Settled, Vector};
 use crate::correlated::{Influence, Size};
@@ -81,10 +80,7 @@ impl<'s> Spectrum<'s> {
     /// With the weights that a fit gives.
     pub(crate) fn weighed(squares: &'s Squares, fit: &Settled) -> Self {
         let noise = dispatch!(*LEVEL, simd => away(simd, squares, fit)).map(|away2| robust_mean(away2.into_iter()).max(ROUNDING2).sqrt());
-        let expected = [0, 1, 2].map(|plane| {
-            let huber = HUBER * (1.0 + rounding2(&squares.steps[plane]) / (noise[plane] * noise[plane])).sqrt();
-            Expected { noise: noise[plane], edge: 0.0, inside: 0.0, huber }
-        });
+        let expected = noise.map(|noise| Expected { noise, edge: 0.0, inside: 0.0, huber: HUBER });
         let mut spectrum = Self { squares, expected, weights: [[0.0; COUNT]; PLANES], shade: shade(fit) };
         let noise2 = dispatch!(*LEVEL, simd => spectrum.noise2(simd, fit));
         for (plane, weights) in spectrum.weights.iter_mut().enumerate() {
@@ -284,11 +280,6 @@ fn lit<S: Simd>(model: &Model<S>, square: &Square, squares: &Squares) -> [Lit<S>
         Lit { place: c, light: lights.2 },
         Lit { place: d, light: lights.3 },
     ]
-}
-
-/// Mean variance of what was rounded in these steps: of a sample near an edge, whose coefficients are not all rounded to nothing.
-fn rounding2(steps: &Steps) -> f64 {
-    steps.iter().map(|&step| f64::from(step * step) / 12.0).sum::<f64>() / COUNT as f64
 }
 
 /// What a coefficient's squared miss says of the noise.
