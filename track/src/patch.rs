@@ -33,11 +33,22 @@ impl Samples {
     /// See [`Patch::without_noise`]; `everywhere` are mean and variance of all the background.
     pub(crate) fn without_noise(&mut self, [mean, spread]: [f64; 2], noise: f64) {
         let spread = (spread - noise).max(0.0);
-        let trust = (spread / (spread + noise / NEARBY + 1e-9)) as f32;
-        let (mean, noise) = (mean as f32, noise as f32);
-        for (texture, background) in self.texture.iter_mut().zip(&mut self.background) {
-            *texture = (*texture - noise).max(0.0);
-            *background = mean + trust * (*background - mean);
+        self.shrink(mean, spread / (spread + noise / NEARBY + 1e-9));
+        self.subtract(noise);
+    }
+
+    /// The background as far as it is `local`, else the mean of all.
+    pub(crate) fn shrink(&mut self, mean: f64, local: f64) {
+        let (mean, local) = (mean as f32, local as f32);
+        for background in &mut self.background {
+            *background = mean + local * (*background - mean);
+        }
+    }
+
+    /// So much of the background's variance, grey levels squared, is no texture.
+    pub(crate) fn subtract(&mut self, noise: f64) {
+        for texture in &mut self.texture {
+            *texture = (*texture - noise as f32).max(0.0);
         }
     }
 }

@@ -121,7 +121,8 @@ impl<'s> Spectrum<'s> {
     fn tell<S: Simd>(&self, simd: S, lit: &Lit<S>, block: &Block, plane: usize, slot: usize) -> (Told<S>, f32x16<S>) {
         let expected = &self.expected[plane];
         let mut samples = block.planes[slot];
-        samples.without_noise(self.squares.everywhere[plane], expected.noise * expected.noise);
+        samples.shrink(self.squares.mean[plane], self.squares.local[plane]);
+        samples.subtract(expected.noise * expected.noise);
         let told = lit.light.tell(simd, &samples, &lit.place, self.squares.channels[plane].gain);
         let trust = (told.trust(simd, &samples, expected).sqrt() * expected.noise as f32).min(1.0);
         let trust = block.is_looked_at(simd).select(trust, f32x16::splat(simd, 0.0));

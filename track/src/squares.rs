@@ -30,6 +30,9 @@ const TO_RGB: [[f64; PLANES]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_
 const BLUR_PX: f64 = 1.0;
 /// Least colour of a marker over its chroma: a tenth of a grey level.
 const LEAST_GAIN: f64 = 1e-3;
+/// Over even backgrounds the means near samples differ by less than the variance within them over this, in most balls: they are of some twenty
+/// samples, but rounding makes neighbours err together.
+const INDEPENDENT: f64 = 2.5;
 /// What pixels around a sample of chroma that two of them share make of it.
 const BETWEEN: [f64; 4] = [-0.25, 0.75, 0.75, -0.25];
 
@@ -62,8 +65,9 @@ pub(crate) struct Squares {
     pub(crate) steps: [Steps; PLANES],
     /// What each plane shows of the ball.
     pub(crate) channels: [Channel; PLANES],
-    /// Mean and variance of all the background in each plane.
-    pub(crate) everywhere: [[f64; 2]; PLANES],
+    /// Mean of all the background in each plane, and how far the background near a sample is its own, not this.
+    pub(crate) mean: [f64; PLANES],
+    pub(crate) local: [f64; PLANES],
     /// Red, green and blue of the marker over its chroma, and of the background.
     pub(crate) marker_rgb: [f32; 3],
     pub(crate) background_rgb: [f32; 3],
@@ -82,31 +86,26 @@ impl Squares {
         let (chroma, first) = chroma(around, sampling.pixels);
         let (corner, [marker, luma]) = (around.corner, around.marker);
         let mut all = Vec::new();
-        add_squares(&mut all, &around.plane, corner, [1; 2], corner, 0)?;
-        add_squares(&mut all, &chroma, first, sampling.pixels, corner, 1)?;
+        let [_, of_luma] = add_squares(&mut all, &around.plane, corner, [1; 2], corner, 0)?;
+        let [of_cb, of_cr] = add_squares(&mut all, &chroma, first, sampling.pixels, corner, 1)?;
+        let local = [of_luma, of_cb, of_cr];
         // A gain may be small, but what is told is divided by it.
         let gain = |colour: f64| (colour / marker).abs().max(LEAST_GAIN).copysign(colour) as f32;
         let channel = |blur: usize, colour: f64| Channel { blur, gain: gain(colour) };
         let channels = [channel(LUMA, luma), channel(CHROMA, of(1, &around.marker_rgb)), channel(CHROMA, of(2, &around.marker_rgb))];
-        let ([_, luma], [cb, cr]) = (by_plane(around.plane.everywhere()?), by_plane(chroma.everywhere()?));
+        let ([[_, luma], _], [[cb, cr], _]) = (around.plane.everywhere()?, chroma.everywhere()?);
         // The mean of `n` pixels has a variance of `n^2 / 12`, of which one pixel's is in the blur of luma.
         let wider2 = sampling.pixels.iter().map(|&n| f64::from(n * n - 1) / 12.0).sum::<f64>() / 2.0;
         let blur_px = [(BLUR_PX * BLUR_PX + wider2).sqrt(), BLUR_PX];
         let marker_rgb = (around.marker_rgb / marker).map(|v| v as f32).into();
-        let background_rgb = TO_RGB.map(|[y, b, r]| (y * luma[0] + b * cb[0] + r * cr[0]) as f32);
-        let everywhere = [luma, cb, cr];
-        Some(Self { corner, all, steps: sampling.steps, channels, everywhere, marker_rgb, background_rgb, blur_px })
+        let background_rgb = TO_RGB.map(|[y, b, r]| (y * luma + b * cb + r * cr) as f32);
+        Some(Self { corner, all, steps: sampling.steps, channels, mean: [luma, cb, cr], local, marker_rgb, background_rgb, blur_px })
     }
 }
 
 /// A plane's part of red, green and blue.
 fn of(plane: usize, rgb: &Vector3<f64>) -> f64 {
     rgb.dot(&Vector3::from(OF_RGB[plane]))
-}
-
-/// Means and variances of two planes, each plane's own together.
-fn by_plane([mean, variance]: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
-    [0, 1].map(|k| [mean[k], variance[k]])
 }
 
 /// Samples of Cb and Cr whose pixels all lie in the surroundings, and the column and row of the first, in samples.
@@ -153,7 +152,8 @@ fn sample(image: &RgbImage, place: [u32; 2], pixels: [u32; 2]) -> [f64; 2] {
     [of(1, &rgb), of(2, &rgb)]
 }
 
-/// The squares of a plane in which the blob's edge or inside is. `first` is the plane's first sample in the file, `pixels` the pixels of each.
+/// Adds the squares of a plane in which the blob's edge or inside is, and returns how far the background of a sample is that near it, not that of
+/// all: of the variance of what is near, the part that is no chance. `first` is the plane's first sample in the file, `pixels` the pixels of each.
 fn add_squares(
     all: &mut Vec<Square>,
     plane: &Plane,
@@ -161,8 +161,10 @@ fn add_squares(
     pixels: [u32; 2],
     corner: [u32; 2],
     first_plane: usize,
-) -> Option<()> {
+) -> Option<[f64; 2]> {
     let everywhere = plane.everywhere()?;
+    // How the backgrounds near samples at the edge differ, and the variance within them.
+    let mut sums = [[0.0; 2]; 2];
     let side = SIDE as i32;
     let [left, top] = first.map(|first| first as i32);
     let middle = |axis: usize, sample: i32| (pixels[axis] as i32 * sample) as f32 + 0.5 * (pixels[axis] - 1) as f32 - corner[axis] as f32;
@@ -182,6 +184,12 @@ fn add_squares(
                     Kind::Edge | Kind::Outside => plane.nearby(column, row)?,
                     Kind::Far => continue,
                 };
+                if plane.kinds[at] == Kind::Edge {
+                    for (k, [between, within]) in sums.iter_mut().enumerate() {
+                        *between += (background[k] - everywhere[0][k]).powi(2);
+                        *within += texture[k];
+                    }
+                }
                 tells |= plane.kinds[at] != Kind::Outside;
                 let (block, lane) = (&mut square.blocks[i / LANES], i % LANES);
                 (block.u[lane], block.v[lane]) = (middle(0, u), middle(1, v));
@@ -197,7 +205,7 @@ fn add_squares(
             }
         }
     }
-    Some(())
+    Some(sums.map(|[between, within]| if between > 0.0 { (1.0 - within / (INDEPENDENT * between)).max(0.0) } else { 0.0 }))
 }
 
 #[cfg(test)]
