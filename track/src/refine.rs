@@ -80,11 +80,15 @@ pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
     (patch.without_noise(expected.map(|e| e.noise * e.noise)), Weights { expected, shade: shade(first) })
 }
 
+/// So many values tell their median well enough to know what is far beyond it.
+const ENOUGH: usize = 200;
+
 /// Mean of squares or products, without the largest that outliers make: values beyond twenty times the median magnitude are left
 /// out, of squares of normal deviates one in 4000.
 pub(crate) fn robust_mean(values: impl Iterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.collect();
-    let magnitude = raven::stats::median(&values.iter().map(|v| v.abs()).collect::<Vec<f64>>()).unwrap_or(0.0);
+    let some = values.iter().step_by(values.len().div_ceil(ENOUGH).max(1));
+    let magnitude = raven::stats::median(&some.map(|v| v.abs()).collect::<Vec<f64>>()).unwrap_or(0.0);
     let near = values.iter().filter(|v| v.abs() <= 20.0 * magnitude);
     let (sum, count) = near.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
     if count > 0.0 { sum / count } else { 0.0 }
