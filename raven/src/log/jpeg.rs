@@ -40,6 +40,10 @@ impl Header {
         }
         None
     }
+
+    fn size(self) -> (u32, u32) {
+        (self.width.into(), self.height.into())
+    }
 }
 
 /// One segment of a file.
@@ -91,12 +95,12 @@ impl<'a> Iterator for Segments<'a> {
 
 /// Width and height [px] by the file's header; `None` of what is no JPEG.
 pub(super) fn size(bytes: &[u8]) -> Option<(u32, u32)> {
-    Header::of(bytes).map(|header| (header.width.into(), header.height.into()))
+    Header::of(bytes).map(Header::size)
 }
 
-/// Whether all pixels come in one pass from the top to the bottom, as cameras send them.
-pub(super) fn is_in_one_pass(bytes: &[u8]) -> bool {
-    Header::of(bytes).is_some_and(|header| header.in_one_pass)
+/// The same of a file whose pixels all come in one pass from the top to the bottom, as cameras send them; `None` of others.
+pub(super) fn size_in_one_pass(bytes: &[u8]) -> Option<(u32, u32)> {
+    Header::of(bytes).filter(|header| header.in_one_pass).map(Header::size)
 }
 
 /// Whether the last bytes of a JPEG, zeros aside, are not its end marker.
@@ -131,7 +135,7 @@ mod tests {
             encoder.encode(&[77; 3 * 90 * 150], 90, 150, ColorType::Rgb).unwrap();
             jpeg
         };
-        let of = |jpeg: &[u8]| (size(jpeg), is_in_one_pass(jpeg));
+        let of = |jpeg: &[u8]| (size(jpeg), size_in_one_pass(jpeg).is_some());
         let sampled = |factor: SamplingFactor| picture(&|encoder: &mut Encoder<_>| encoder.set_sampling_factor(factor));
         for factor in [SamplingFactor::F_1_1, SamplingFactor::F_2_1, SamplingFactor::F_1_2, SamplingFactor::F_2_2] {
             assert_eq!(of(&sampled(factor)), (Some((90, 150)), true));
@@ -147,7 +151,7 @@ mod tests {
         #[test]
         fn no_bytes_are_too_odd(junk in prop::collection::vec(any::<u8>(), 0..300)) {
             for bytes in [junk.clone(), [&[0xff, 0xd8, 0xff, 0xc0], junk.as_slice()].concat()] {
-                let _ = (size(&bytes), is_in_one_pass(&bytes), is_truncated_jpeg(&bytes));
+                let _ = (size(&bytes), size_in_one_pass(&bytes), is_truncated_jpeg(&bytes));
             }
         }
     }

@@ -215,7 +215,7 @@ impl Raster<'_> {
 fn is_worth_a_part(bytes: &[u8], columns: &Range<u32>, rows: &Range<u32>) -> bool {
     let share = |range: &Range<u32>, size: u32| f64::from(range.end.min(size).saturating_sub(range.start)) / f64::from(size);
     let is_small = |(width, height)| share(columns, width) * share(rows, height) < LARGEST_PART;
-    jpeg::size(bytes).is_some_and(is_small) && jpeg::is_in_one_pass(bytes)
+    jpeg::size_in_one_pass(bytes).is_some_and(is_small)
 }
 
 /// Luma after BT.601, in 16-bit fixed point, rounded.
