@@ -7,15 +7,26 @@
 //! ((u^2 + 1/S) (1/(1/S + t^2) - 1/(1/S + 1)) + ln((1 + S t^2) / (1 + S))) / 2
 //! ```
 //!
-//! and by what sizes are believed to be ([`sizes`]). An effect that is too small to show leaves the evidence as it is without.
+//! and by what sizes are believed to be ([`sizes`]). An effect that has nothing but a shape changes `d_k` at `u_k`, weights `w_k` of `N(0, 1)`;
+//! where `u_k` is true the evidence rises, but for chance, by
+//!
+//! ```text
+//! ln sum_j w_j exp(D_kj - D_jj / 2),   D = d'd - d'J (J'J + L)^-1 J'd
+//! ```
+//!
+//! An effect that is too small to show leaves the evidence as it is without.
 
-use nalgebra::DVector;
+use std::collections::BTreeMap;
+
+use nalgebra::DMatrix;
 use raven::Result;
-use raven::effects::{Channel, Scale};
+use raven::effects::{Channel, Scale, Sited};
+use raven::stats::normal_cdf;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::evidence::fit::{Fitter, gram};
+use crate::evidence::coordinates::ABSENT;
+use crate::evidence::fit::{Fitter, Hypothesis, gram};
 use crate::evidence::linear::dot;
 use crate::evidence::outcome::Outcome;
 use crate::evidence::prior;
@@ -29,7 +40,8 @@ pub struct Detectable {
     pub id: &'static str,
     /// As of a cause.
     pub joint: Option<String>,
-    /// Of its first number; of a factor, the one above 1. `null` where no size that is to be expected would have shown.
+    /// Of its first number; of a factor, the one above 1; of a number that does less the larger it is, as a limit, the largest. `null` where
+    /// none that is to be expected would have shown.
     pub size: Option<f64>,
     /// Unit of `size`.
     pub unit: String,
@@ -42,13 +54,16 @@ const BORNE: f64 = 3.0;
 /// Sizes are tried by this factor, from so many slabs on.
 const TRIED: f64 = 1.02;
 const LEAST: f64 = 1e-3;
+/// Shapes are tried so far from their middle, at so many places.
+const REACH: f64 = 2.5;
+const SHAPES: usize = 11;
 
 /// The smallest size of one effect that would have been named.
 pub(super) struct Smallest {
     pub(super) effect: usize,
     /// Coordinate of its size.
     coordinate: usize,
-    /// In slabs; infinite where none shows that is to be expected.
+    /// In slabs; not finite where none shows that is to be expected.
     u: f64,
     /// Probability that the effect, if it is there, is smaller than one that is as likely named as not.
     pub(super) part_unseen: f64,
@@ -69,40 +84,95 @@ impl Smallest {
 }
 
 pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smallest>> {
-    let (rows, coordinates, none) = (fitter.rows, fitter.coordinates, &outcome.none);
-    let count = coordinates.sited.len();
+    let count = fitter.coordinates.sited.len();
     let odds = prior::log(0, count) - prior::log_beyond_scatter(1, count);
-    let all: Vec<&[f64]> = none.columns.iter().map(|column| column.as_slice()).collect();
-    let mut curvature = gram(&all);
-    for (k, &c) in none.free.iter().enumerate() {
-        curvature[(k, k)] += fitter.prior(c, &[]).map_or(0.0, |t| t.powi(-2));
+    let without = Without::new(fitter, &outcome.none)?;
+    let found: Result<Vec<Option<Smallest>>> = (0..count).into_par_iter().map(|effect| without.smallest(effect, odds)).collect();
+    Ok(found?.into_iter().flatten().collect())
+}
+
+/// The part of sizes that are too small, on average over the effects. Which effect there is comes before where: one that may be at three joints
+/// counts as much as one that has a single place.
+pub(super) fn part_unseen_of_all(smallest: &[Smallest], sited: &[Sited]) -> f64 {
+    let mut by_id: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for one in smallest {
+        by_id.entry(sited[one.effect].effect.id).or_default().push(one.part_unseen);
     }
-    let here = rows.residuals(&coordinates.settings(&none.u), Links::Settled, &[Channel::Tip, Channel::Torque])?;
-    let of_effect = |effect: usize| -> Result<Option<Smallest>> {
-        let sited = coordinates.sited[effect];
-        let own: Vec<usize> = coordinates.of(effect).collect();
-        let kept: Vec<usize> = (0..none.free.len()).filter(|&k| !own.contains(&none.free[k])).collect();
+    let of_each = by_id.values().map(|parts| parts.iter().sum::<f64>() / parts.len() as f64);
+    of_each.sum::<f64>() / by_id.len().max(1) as f64
+}
+
+/// The nominal model, as it is fitted.
+struct Without<'a> {
+    fitter: &'a Fitter<'a>,
+    none: &'a Hypothesis,
+    /// `J'J + L` of its numbers.
+    curvature: DMatrix<f64>,
+    residuals: Vec<f64>,
+}
+
+impl<'a> Without<'a> {
+    fn new(fitter: &'a Fitter<'a>, none: &'a Hypothesis) -> Result<Self> {
+        let all: Vec<&[f64]> = none.columns.iter().map(|column| column.as_slice()).collect();
+        let mut curvature = gram(&all);
+        for (k, &c) in none.free.iter().enumerate() {
+            curvature[(k, k)] += fitter.prior(c, &[]).map_or(0.0, |t| t.powi(-2));
+        }
+        let settings = fitter.coordinates.settings(&none.u);
+        let residuals = fitter.rows.residuals(&settings, Links::Settled, &[Channel::Tip, Channel::Torque])?;
+        Ok(Self { fitter, none, curvature, residuals })
+    }
+
+    /// Of one effect; `odds` are what it has to raise the evidence by to be as probable as none.
+    fn smallest(&self, effect: usize, odds: f64) -> Result<Option<Smallest>> {
+        let coordinates = self.fitter.coordinates;
         let sizes: Vec<usize> = coordinates.sizes(effect).collect();
-        let Some(&size) = sizes.first() else { return Ok(None) };
-        let mut u = none.u.clone();
-        own.iter().for_each(|&c| u[c] = if matches!(coordinates.parameter(c).scale, Scale::Moment) { 0.5 } else { 0.0 });
-        u[size] = 1.0;
-        let channels = sited.effect.channels;
-        let there = rows.residuals(&coordinates.settings(&u), Links::Settled, channels)?;
+        let Some(&coordinate) = sizes.first() else { return self.smallest_shape(effect, odds) };
+        let spike = coordinates.all[coordinate].spike.map_or(0.0, |t| t.powi(2));
+        let Some(information) = self.information(effect, coordinate, &[1.0])? else { return Ok(None) };
+        let shown = |wanted: f64| smallest_shown(information[(0, 0)].max(0.0), spike, sizes.len(), wanted);
+        let part_unseen = part_unseen(shown(odds), spike, sizes.len());
+        Ok(Some(Smallest { effect, coordinate, u: shown(odds + SURE_NATS), part_unseen }))
+    }
+
+    /// Of an effect that has nothing but a shape, and does less the larger that is.
+    fn smallest_shape(&self, effect: usize, odds: f64) -> Result<Option<Smallest>> {
+        let mut own = self.fitter.coordinates.of(effect).filter(|&c| self.none.u[c] == ABSENT);
+        let Some(coordinate) = own.next() else { return Ok(None) };
+        let at = |k: usize| REACH * (2.0 * k as f64 / (SHAPES - 1) as f64 - 1.0);
+        let tried: Vec<f64> = (0..SHAPES).map(at).collect();
+        let Some(information) = self.information(effect, coordinate, &tried)? else { return Ok(None) };
+        let raised = raised_by_shapes(&tried, &information);
+        let mildest = |wanted: f64| mildest_shown(&tried, &raised, wanted);
+        Ok(Some(Smallest { effect, coordinate, u: mildest(odds + SURE_NATS), part_unseen: 1.0 - normal_cdf(mildest(odds)) }))
+    }
+
+    /// Of what an effect changes with each value of a coordinate, projected off the other numbers: `D` above.
+    fn information(&self, effect: usize, coordinate: usize, values: &[f64]) -> Result<Option<DMatrix<f64>>> {
+        let coordinates = self.fitter.coordinates;
+        let kept: Vec<usize> = (0..self.none.free.len()).filter(|&k| coordinates.all[self.none.free[k]].effect != effect).collect();
+        let changes: Result<Vec<Vec<f64>>> = values.iter().map(|&value| self.change(effect, coordinate, value)).collect();
+        let changes = changes?;
+        let changes: Vec<&[f64]> = changes.iter().map(Vec::as_slice).collect();
+        let cross = DMatrix::from_fn(kept.len(), changes.len(), |k, i| dot(changes[i], &self.none.columns[kept[k]]));
+        let block = self.curvature.select_rows(kept.iter()).select_columns(kept.iter());
+        let Some(factor) = block.cholesky() else { return Ok(None) };
+        Ok(Some(gram(&changes) - cross.tr_mul(&factor.solve(&cross))))
+    }
+
+    /// What an effect changes in the channels that it shows in.
+    fn change(&self, effect: usize, coordinate: usize, value: f64) -> Result<Vec<f64>> {
+        let Fitter { rows, coordinates, .. } = self.fitter;
+        let mut u = self.none.u.clone();
+        coordinates.of(effect).for_each(|c| u[c] = if matches!(coordinates.parameter(c).scale, Scale::Moment) { 0.5 } else { 0.0 });
+        u[coordinate] = value;
+        let channels = coordinates.sited[effect].effect.channels;
+        let residuals = rows.residuals(&coordinates.settings(&u), Links::Settled, channels)?;
         let tip_rows = rows.tip_rows();
         let shows = |k: usize| channels.contains(if k < tip_rows { &Channel::Tip } else { &Channel::Torque });
-        let slope: Vec<f64> = here.iter().zip(&there).enumerate().map(|(k, (h, t))| if shows(k) { h - t } else { 0.0 }).collect();
-        let cross = DVector::from_iterator(kept.len(), kept.iter().map(|&k| dot(&slope, &none.columns[k])));
-        let block = curvature.select_rows(kept.iter()).select_columns(kept.iter());
-        let Some(factor) = block.cholesky() else { return Ok(None) };
-        let information = (dot(&slope, &slope) - cross.dot(&factor.solve(&cross))).max(0.0);
-        let spike = coordinates.all[size].spike.map_or(0.0, |t| t.powi(2));
-        let shown = |wanted: f64| smallest_shown(information, spike, sizes.len(), wanted);
-        let part_unseen = part_unseen(shown(odds), spike, sizes.len());
-        Ok(Some(Smallest { effect, coordinate: size, u: shown(odds + SURE_NATS), part_unseen }))
-    };
-    let found: Result<Vec<Option<Smallest>>> = (0..count).into_par_iter().map(of_effect).collect();
-    Ok(found?.into_iter().flatten().collect())
+        let changed = self.residuals.iter().zip(&residuals).enumerate();
+        Ok(changed.map(|(k, (here, there))| if shows(k) { here - there } else { 0.0 }).collect())
+    }
 }
 
 /// The smallest size in slabs, of one that is to be expected, that raises the evidence by `wanted` where it is found with `information`; with a
@@ -119,6 +189,24 @@ fn part_unseen(shown: f64, spike: f64, n: usize) -> f64 {
     let below = |u: f64| sizes::part_below(u / (n as f64).sqrt());
     let borne = below(BORNE * spike.sqrt());
     ((below(shown) - borne) / (1.0 - borne)).max(0.0)
+}
+
+/// By how much each shape that is tried raises the evidence where it is the true one [nat].
+fn raised_by_shapes(tried: &[f64], information: &DMatrix<f64>) -> Vec<f64> {
+    let sum: f64 = tried.iter().map(|u| (-0.5 * u * u).exp()).sum();
+    let of = |k: usize| {
+        let logs = tried.iter().enumerate().map(|(j, u)| information[(k, j)] - 0.5 * (information[(j, j)] + u * u));
+        let highest = logs.clone().fold(f64::NEG_INFINITY, f64::max);
+        highest + (logs.map(|log| (log - highest).exp()).sum::<f64>() / sum).ln()
+    };
+    (0..tried.len()).map(of).collect()
+}
+
+/// The largest shape that raises the evidence by `wanted`.
+fn mildest_shown(tried: &[f64], raised: &[f64], wanted: f64) -> f64 {
+    let Some(last) = raised.iter().rposition(|raised| *raised > wanted) else { return f64::NEG_INFINITY };
+    let Some(next) = raised.get(last + 1) else { return tried[last] };
+    tried[last] + (tried[last + 1] - tried[last]) * (raised[last] - wanted) / (raised[last] - next)
 }
 
 /// By how much a size of `u` slabs raises the evidence on average where its prior is normal [nat].
@@ -150,6 +238,40 @@ mod tests {
                 .sum();
             assert_relative_eq!(raised_if_normal(u, information, spike), sum / f64::from(samples), epsilon = 0.02);
         }
+    }
+
+    #[test]
+    fn shapes_raise_the_evidence_as_they_do_in_samples() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(18);
+        let tried = [-1.0, 0.0, 1.0];
+        let weights = tried.map(|u: f64| (-0.5 * u * u).exp());
+        // What the shapes change, in two residuals of unit noise.
+        let changes = [[6.0, 1.0], [2.0, 1.5], [0.1, 0.0]];
+        let information = DMatrix::from_fn(3, 3, |k, j| dot(&changes[k], &changes[j]));
+        let raised = raised_by_shapes(&tried, &information);
+        for (k, change) in changes.iter().enumerate() {
+            let samples = 100_000;
+            let sum: f64 = (0..samples)
+                .map(|_| {
+                    let seen = change.map(|d| d + Distribution::<f64>::sample(&StandardNormal, &mut rng));
+                    let likelihood = |d: &[f64; 2]| (dot(d, &seen) - 0.5 * dot(d, d)).exp();
+                    let of_all: f64 = changes.iter().zip(weights).map(|(d, w)| w * likelihood(d)).sum();
+                    (of_all / weights.iter().sum::<f64>()).ln()
+                })
+                .sum();
+            let mean = sum / f64::from(samples);
+            // But for chance, which where little shows adds as much as it takes.
+            assert_relative_eq!(raised[k], mean, epsilon = 0.3);
+        }
+    }
+
+    #[test]
+    fn the_mildest_shape_that_shows_is_between_those_tried() {
+        let tried = [-1.0, 0.0, 1.0];
+        assert_relative_eq!(mildest_shown(&tried, &[9.0, 5.0, 1.0], 4.0), 0.25);
+        assert_relative_eq!(mildest_shown(&tried, &[9.0, 8.0, 7.0], 4.0), 1.0);
+        let none = mildest_shown(&tried, &[3.0, 1.0, 0.0], 4.0);
+        assert_relative_eq!(1.0 - normal_cdf(none), 1.0);
     }
 
     #[test]

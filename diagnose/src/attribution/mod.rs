@@ -244,7 +244,8 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     let smallest = detectable::smallest(fitter, outcome)?;
     let mut probabilities = outcome.probabilities();
     let parts_unseen = smallest.iter().map(|smallest| (smallest.effect, smallest.part_unseen)).collect();
-    let too_small = unknown::with_unseen(&mut probabilities, &parts_unseen, fitter.coordinates.sited.len());
+    let of_all = detectable::part_unseen_of_all(&smallest, &fitter.coordinates.sited);
+    let too_small = unknown::with_unseen(&mut probabilities, &parts_unseen, of_all, fitter.coordinates.sited.len());
     let named = named(outcome, &probabilities);
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
     let blamed = named.filter(|_| word != Word::Unexplained);

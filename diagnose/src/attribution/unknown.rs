@@ -13,9 +13,14 @@ pub(super) fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
 }
 
 /// Makes room for effects that are too small to show; returns their probability. `parts_unseen` are the parts of the effects' sizes that are,
-/// `effects` how many effects there are at their places. Such an effect leaves the evidence as it is without: so much of the probability of
+/// `of_all` that of them together, `effects` how many effects there are at their places. Such an effect leaves the evidence as it is without: so much of the probability of
 /// each alone is among them already.
-pub(super) fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], parts_unseen: &BTreeMap<usize, f64>, effects: usize) -> f64 {
+pub(super) fn with_unseen(
+    probabilities: &mut [(Vec<usize>, f64)],
+    parts_unseen: &BTreeMap<usize, f64>,
+    of_all: f64,
+    effects: usize,
+) -> f64 {
     let none = probability_of_none(probabilities);
     let of_one = none * (prior::log(1, effects) - prior::log(0, effects)).exp();
     for (set, probability) in probabilities.iter_mut() {
@@ -23,7 +28,7 @@ pub(super) fn with_unseen(probabilities: &mut [(Vec<usize>, f64)], parts_unseen:
             *probability = (*probability - of_one * parts_unseen.get(&effect).unwrap_or(&0.0)).max(0.0);
         }
     }
-    let unseen = none * prior::odds_unseen(parts_unseen.values().sum::<f64>() / parts_unseen.len().max(1) as f64);
+    let unseen = none * prior::odds_unseen(of_all);
     let sum = unseen + probabilities.iter().map(|(_, p)| p).sum::<f64>();
     probabilities.iter_mut().for_each(|(_, p)| *p /= sum);
     unseen / sum
@@ -47,7 +52,7 @@ mod tests {
         // Two effects, of which no size can show: the evidence of each is that of none.
         let mut probabilities =
             prior::probabilities([vec![], vec![0], vec![1]].map(|set: Vec<usize>| (set.clone(), prior::log(set.len(), 2))).into_iter());
-        let unseen = with_unseen(&mut probabilities, &BTreeMap::from([(0, 1.0), (1, 1.0)]), 2);
+        let unseen = with_unseen(&mut probabilities, &BTreeMap::from([(0, 1.0), (1, 1.0)]), 1.0, 2);
         approx::assert_relative_eq!(probability_of_none(&probabilities), prior::log(0, 2).exp(), epsilon = 1e-9);
         approx::assert_relative_eq!(unseen, 1.0 - prior::log(0, 2).exp(), epsilon = 1e-9);
     }
@@ -55,7 +60,7 @@ mod tests {
     #[test]
     fn an_effect_that_shows_stays_as_it_is() {
         let mut probabilities = prior::probabilities([(vec![], 0.0), (vec![0], 20.0 + prior::log(1, 80))].into_iter());
-        with_unseen(&mut probabilities, &BTreeMap::from([(0, 0.3)]), 80);
+        with_unseen(&mut probabilities, &BTreeMap::from([(0, 0.3)]), 0.3, 80);
         assert!(probabilities[0].0 == [0] && probabilities[0].1 > 0.999_99, "{probabilities:?}");
         let sited = |id, joint| Sited::at(&nominal::gold(), id, joint).unwrap();
         assert!(with_outside(&mut probabilities, Word::Explained, &[sited("payload", None)]) < 0.05);

@@ -109,7 +109,7 @@ fn sensitivity(page: &Page) -> String {
         let rows: String = page.detectable.iter().map(row).collect();
         content += &format!(
             "<table class=\"narrow\">\n<thead><tr><th scope=\"col\">effect</th><th scope=\"col\">joint</th>\
-             <th scope=\"col\" class=\"n\">smallest size</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n"
+             <th scope=\"col\" class=\"n\">shows from</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n"
         );
     }
     if !page.not_observable.is_empty() {
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn the_page_holds_every_part_and_needs_nothing_else() {
         let page = html(&sample());
-        for part in ["pulley-radius", "What to do next", "Residuals over time", "95 %: 95 to 98 %", "class=\"chosen\"", "smallest size"] {
+        for part in ["pulley-radius", "What to do next", "Residuals over time", "95 %: 95 to 98 %", "class=\"chosen\"", "shows from"] {
             assert!(page.contains(part), "{part}");
         }
         // The name space of SVG is a name, not a place.
