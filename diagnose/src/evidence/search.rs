@@ -272,7 +272,7 @@ impl Fitter<'_> {
     }
 
     /// Effects that could stand in for one.
-    fn alike(&self, effect: usize) -> Vec<usize> {
+    pub(super) fn alike(&self, effect: usize) -> Vec<usize> {
         let sited = &self.coordinates.sited;
         (0..sited.len()).filter(|&other| other != effect && sited[effect].shows_where(&sited[other])).collect()
     }

@@ -1,16 +1,18 @@
-//! Effects that the library ties to those that were found, each held against what it could stand in for.
+//! Effects that the library ties to those that were found, or that alone explain about as much, each held against what it could stand in for.
 //!
-//! A search drops what the screen sees behind. Where a misfit is large the screen's differences are, too, and what is hardly behind once the
+//! A search goes on with what explains most alone; what is behind it there may be ahead of it beside another effect. And it drops what the screen sees behind. Where a misfit is large the screen's differences are, too, and what is hardly behind once the
 //! misfit counts as noise was never fitted: a tie would go unsaid, and one of two be named with a probability that both share.
 
 use raven::Result;
 
 use super::fit::{Fitter, Hypothesis};
 use super::outcome::Outcome;
-use super::search::HOPE_NATS;
+use super::search::{HOPE_NATS, WITHIN_NATS};
 
 /// Evidence within which two causes are tied, what the best hypothesis leaves counting as noise [nat].
 pub const TIED_NATS: f64 = 3.0;
+/// So many of those that alone explain about as much as an effect are held against it beside others.
+const AS_GOOD_ALONE: usize = 3;
 
 impl Fitter<'_> {
     /// Fits what the library ties to an effect of the best hypothesis in that effect's place, where the screen does not rule it out, and what
@@ -42,7 +44,15 @@ impl Fitter<'_> {
                     }
                 }
             }
-            for effects in ties.iter().map(instead) {
+            let as_good_alone = self.as_good_alone(outcome, &best, effect);
+            for (other, start) in &as_good_alone {
+                if !outcome.fitted.contains_key(&instead(other))
+                    && let Some(hypothesis) = self.fit(&instead(other), start, Some(&best))?
+                {
+                    outcome.keep(&hypothesis);
+                }
+            }
+            for effects in ties.iter().chain(as_good_alone.iter().map(|(other, _)| other)).map(instead) {
                 let tied = outcome.fitted.get(&effects).map(|(hypothesis, _)| hypothesis.clone());
                 let Some(tied) = tied.filter(|tied| tied.evidence > best.evidence - TIED_NATS * shrink) else { continue };
                 for &left_out in &tied.effects {
@@ -56,6 +66,27 @@ impl Fitter<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Effects that alone are hardly behind one of a hypothesis alone, the best first, each with the hypothesis' numbers and its own in that
+    /// one's place. None where there is no other beside it.
+    fn as_good_alone(&self, outcome: &Outcome, hypothesis: &Hypothesis, effect: usize) -> Vec<(usize, Vec<f64>)> {
+        let alone = |effect: usize| outcome.fitted.get(&vec![effect]).map(|(alone, _)| alone);
+        let Some(least) = alone(effect).map(|alone| (alone.evidence - WITHIN_NATS).max(outcome.none.evidence + HOPE_NATS)) else {
+            return Vec::new();
+        };
+        let others = self.alike(effect).into_iter().filter(|other| hypothesis.effects.len() > 1 && !hypothesis.effects.contains(other));
+        let mut others: Vec<(usize, &Hypothesis)> = others.filter_map(|other| Some((other, alone(other)?))).collect();
+        others.retain(|(_, alone)| alone.evidence > least);
+        others.sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
+        others.truncate(AS_GOOD_ALONE);
+        let without = self.without(effect, &hypothesis.u);
+        let start = |(other, alone): (usize, &Hypothesis)| {
+            let mut start = without.clone();
+            self.coordinates.of(other).for_each(|c| start[c] = alone.u[c]);
+            (other, start)
+        };
+        others.into_iter().map(start).collect()
     }
 
     /// What the library ties to an effect of a hypothesis, at the places where it shows.
