@@ -34,7 +34,8 @@ impl Fitter<'_> {
         if by_evidence == if_beyond_scatter || self.lost_in_scatter(outcome, richer).is_some() { by_evidence } else { if_beyond_scatter }
     }
 
-    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that effects explain there.
+    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that effects explain there, or is all that
+    /// remains beside a huge one.
     fn is_material(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
         let tip_rows = self.rows.tip_rows();
         let channel = |k: usize| if k < tip_rows { 0 } else { 1 + (k - tip_rows) % 3 };
@@ -47,6 +48,7 @@ impl Fitter<'_> {
         let [all, without, with] = [&outcome.none.residuals, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
         self.strain_squared(poorer) - self.strain_squared(richer) > 2.0 * STRAIN_NATS
             || (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
+            || (self.leftover(poorer).remains() && !self.leftover(richer).remains())
     }
 
     /// What numbers of the nominal model have to bear, in squared tolerances.
