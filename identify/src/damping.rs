@@ -49,9 +49,8 @@ pub fn leave_out_hidden(unknowns: &mut Vec<Unknown>, robot: &Robot, sessions: &[
 /// Root mean square acceleration of the joints [rad/s^2, rad/s^2, m/s^2], gaps aside.
 fn acceleration(motion: &Motion, robot: &Robot) -> Option<Vector3<f64>> {
     let transmission = robot.arm().ok()?.transmission;
-    let [start, end] = motion.span_s();
-    let times = (1..((end - start) / STEP_S) as usize).map(|i| start + i as f64 * STEP_S);
-    let squares: Vec<Vector3<f64>> = times
+    let squares: Vec<Vector3<f64>> = motion
+        .times_every(STEP_S)
         .filter(|t| motion.covers(t - 2.0 * STEP_S, t + 2.0 * STEP_S))
         .map(|t| (motion.rate_rad_s(t + 0.5 * STEP_S) - motion.rate_rad_s(t - 0.5 * STEP_S)) / STEP_S)
         .map(|a| transmission.joint_rate_from_motor(&a).map(|v| v * v))

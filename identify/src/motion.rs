@@ -63,6 +63,11 @@ impl Motion {
         self.gaps_s.len()
     }
 
+    /// Times of [`MotorTrack::times_every`].
+    pub fn times_every(&self, stride_s: f64) -> impl Iterator<Item = f64> + '_ {
+        self.track.times_every(stride_s)
+    }
+
     /// Whether the motion is known all through `[from_s, to_s]`.
     #[must_use]
     pub fn covers(&self, from_s: f64, to_s: f64) -> bool {

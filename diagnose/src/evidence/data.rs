@@ -94,9 +94,7 @@ fn acting(time_s: &[f64], commanded: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
 
 /// Motors smoothed by a local quadratic, with the mean torque of the same window.
 fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
-    let (Some(&start), Some(&end)) = (motors.time_s.first(), motors.time_s.last()) else { return Vec::new() };
-    let count = ((end - start) / STRIDE_S).floor() as usize;
-    (1..count).filter_map(|k| shaft(motors, torque, start + k as f64 * STRIDE_S)).collect()
+    motors.times_every(STRIDE_S).filter_map(|time_s| shaft(motors, torque, time_s)).collect()
 }
 
 /// Motors at one time, smoothed, and their torque; `None` where samples are missing, an encoder jumps or there are fewer than five samples in

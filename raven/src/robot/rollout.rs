@@ -32,6 +32,15 @@ pub const PAUSE_MAX_S: f64 = 0.5;
 const HALF_WINDOW_S: f64 = 0.02;
 
 impl MotorTrack {
+    /// Times within the track that are `stride_s` apart as counted from its start, but for those in pauses: as many as there are samples to
+    /// stand for, however far off a stamp is.
+    pub fn times_every(&self, stride_s: f64) -> impl Iterator<Item = f64> + '_ {
+        let start_s = self.time_s.first().copied().unwrap_or(0.0);
+        let strides = move |time_s: f64| ((time_s - start_s) / stride_s).floor() as u64;
+        let joined = self.time_s.windows(2).filter(|pair| pair[1] - pair[0] <= PAUSE_MAX_S);
+        joined.flat_map(move |pair| strides(pair[0]) + 1..=strides(pair[1])).map(move |k| start_s + k as f64 * stride_s)
+    }
+
     /// The sample interval that holds `time_s`: index of its start; `None` outside the track and in pauses.
     #[must_use]
     pub fn interval(&self, time_s: f64) -> Option<usize> {
@@ -121,5 +130,22 @@ impl LinkModel {
             Some(state)
         };
         times_s.iter().map(state_at).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strides_stop_where_samples_do() {
+        // A tenth of a second of samples, fifty years later another.
+        let far_s = 1.6e9;
+        let time_s: Vec<f64> = (0..=100).map(|i| 1e-3 * f64::from(i)).chain((0..=100).map(|i| far_s + 1e-3 * f64::from(i))).collect();
+        let track = MotorTrack { angle: vec![Vector3::zeros(); time_s.len()], time_s };
+        let times: Vec<f64> = track.times_every(0.02).collect();
+        assert!((9..=11).contains(&times.len()), "{}", times.len());
+        assert!(times[..5].iter().enumerate().all(|(k, t)| (t - 0.02 * (k + 1) as f64).abs() < 1e-12), "{times:?}");
+        assert!(times[5..].iter().all(|t| (far_s..far_s + 0.101).contains(t)), "{times:?}");
     }
 }

@@ -40,18 +40,14 @@ impl Recorded {
             Some(encoders) => Some(side(robot, recording, encoders, "joint", &|j| signs[j].joint, &|j| signs[j].load)?),
             None => None,
         };
-        let start_s = motors.time_s.first().copied().unwrap_or(0.0);
-        let count = motors.time_s.last().map_or(0.0, |end| (end - start_s) / STRIDE_S).floor() as usize;
-        let still = vec![Vector3::zeros(); motors.time_s.len()];
+        let still = |track: &MotorTrack| vec![Vector3::zeros(); track.time_s.len()];
+        let torque_there = torque.clone().unwrap_or_else(|| still(&motors));
+        let joints_there = joints.as_ref().map(|(track, load)| (track, load.clone().unwrap_or_else(|| still(track))));
         let has = [torque.is_some(), joints.as_ref().is_some_and(|(_, load)| load.is_some())];
         let (mut driven, mut shown) = (Vec::new(), Vec::new());
-        for k in 1..count {
-            let time_s = start_s + k as f64 * STRIDE_S;
-            let Some(shaft_there) = shaft(&motors, torque.as_ref().unwrap_or(&still), time_s) else { continue };
-            let joint = joints.as_ref().and_then(|(track, load)| {
-                let still = vec![Vector3::zeros(); if load.is_none() { track.time_s.len() } else { 0 }];
-                shaft(track, load.as_ref().unwrap_or(&still), time_s)
-            });
+        for time_s in motors.times_every(STRIDE_S) {
+            let Some(shaft_there) = shaft(&motors, &torque_there, time_s) else { continue };
+            let joint = joints_there.as_ref().and_then(|(track, load)| shaft(track, load, time_s));
             driven.push(Driven {
                 shaft: shaft_there,
                 load: joint.map_or_else(Vector3::zeros, |joint| joint.commanded),
