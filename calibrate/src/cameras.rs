@@ -130,11 +130,8 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
         );
     }
     sentences.iter().for_each(|s| text += &format!("{}\n", s.text));
-    out.write_all(text.as_bytes()).map_err(|e| Error::io("-".as_ref(), "write", e))?;
+    cli::results(out, &text, args.json.as_deref(), &report)?;
     sentences.iter().filter(|s| s.warning).for_each(|s| cli::warn(&s.text));
-    if let Some(json) = &args.json {
-        cli::write_json(json, &report)?;
-    }
     if pictures.undecodable > 0 {
         cli::warn(&format!("{} pictures were cut off or could not be decoded.", pictures.undecodable));
         return Ok(Outcome::DataLost);

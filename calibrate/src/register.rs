@@ -5,7 +5,7 @@
 //! ([`crate::anywhere`]).
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use nalgebra::Matrix3;
@@ -108,11 +108,8 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
         cameras.write(output)?;
     }
     let text = report.text(&robot, mount.as_ref().map(|mount| (axes, mount)), args.rotation_std_deg);
-    out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("-"), "write", e))?;
+    cli::results(out, &text, args.json.as_deref(), &report)?;
     report.motion.iter().filter_map(|motion| contradiction(motion, &robot)).for_each(|sentence| cli::warn(&sentence));
-    if let Some(json) = &args.json {
-        cli::write_json(json, &report)?;
-    }
     Ok(if lost > 0 { Outcome::DataLost } else { Outcome::Done })
 }
 

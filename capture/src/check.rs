@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use raven::Result;
 use raven::cli::{self, Outcome};
 use raven::log::{FrameLosses, Lag, Recovery, Side, Survey, TopicSurvey, recover, topics};
-use raven::{Error, Result};
 use serde::Serialize;
 
 use crate::devices;
@@ -59,19 +59,14 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let survey = Survey::of(file)?;
     let steps = steps(&survey);
     let recovery = args.output.as_ref().map(|output| recover(file, output)).transpose()?;
-    // With `--json -`, standard output is for the machine alone.
-    if args.json.as_deref() != Some(Path::new("-")) {
-        let mut text = render(&survey, &steps);
-        if let (Some(recovery), Some(output)) = (&recovery, &args.output) {
-            let of = recovery.expected_messages.map_or_else(String::new, |expected| format!(" of {expected}"));
-            let (messages, attachments) = (recovery.messages, recovery.attachments);
-            text += &format!("\n{messages}{of} messages and {attachments} attachments are saved in {}.\n", output.display());
-        }
-        out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
+    let mut text = render(&survey, &steps);
+    if let (Some(recovery), Some(output)) = (&recovery, &args.output) {
+        let of = recovery.expected_messages.map_or_else(String::new, |expected| format!(" of {expected}"));
+        let (messages, attachments) = (recovery.messages, recovery.attachments);
+        text += &format!("\n{messages}{of} messages and {attachments} attachments are saved in {}.\n", output.display());
     }
-    if let Some(json) = &args.json {
-        cli::write_json(json, &Report { survey: &survey, steps: &steps, recovery: recovery.as_ref() })?;
-    }
+    let report = Report { survey: &survey, steps: &steps, recovery: recovery.as_ref() };
+    cli::results(out, &text, args.json.as_deref(), &report)?;
     if survey.damage.is_some() && recovery.is_none() {
         cli::warn(&format!("{}: the log is damaged; `--recover -o OUT.mcap` saves what can be read.", file.display()));
     }
@@ -186,6 +181,8 @@ fn remarks(topic: &TopicSurvey, losses: &BTreeMap<Side, FrameLosses>) -> Vec<Str
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use raven::log::{LogWriter, RavenState, Stamp, Times};
 
     use super::*;

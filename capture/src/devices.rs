@@ -85,12 +85,7 @@ pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Resul
         preflight.try_robot(address, time)?;
     }
     preflight.problems.iter().for_each(|sentence| cli::warn(sentence));
-    if json != Some(Path::new("-")) {
-        out.write_all(preflight.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
-    }
-    if let Some(json) = json {
-        cli::write_json(json, &preflight)?;
-    }
+    cli::results(out, &preflight.render(), json, &preflight)?;
     Ok(if preflight.problems.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }
 

@@ -43,7 +43,7 @@ pub fn run(args: &Args, folder: &Path, robot: &Robot, options: &Options, out: &m
         written.tips_hidden,
         folder.join(LABELS_SUM).display(),
     );
-    out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("-"), "write", e))?;
+    cli::print(out, &text)?;
     Ok(Outcome::Done)
 }
 

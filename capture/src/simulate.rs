@@ -110,9 +110,6 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let bar = cli::progress(1000, "simulating");
     let written = session.record(motion, duration_s, output, |done| bar.set_position((1000.0 * done) as u64))?;
     bar.finish_and_clear();
-    if let Some(path) = &args.truth {
-        cli::write_json(path, &session.truth_json())?;
-    }
     if let Some(path) = &args.cameras_out {
         let cameras = session.cameras().ok_or_else(|| Error::Argument("--cameras-out: a bench has no cameras.".to_owned()))?;
         cameras.write(path)?;
@@ -127,6 +124,6 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         written.images[0],
         written.images[1],
     );
-    out.write_all(text.as_bytes()).map_err(|e| Error::io(std::path::Path::new("-"), "write", e))?;
+    cli::results(out, &text, args.truth.as_deref(), &session.truth_json())?;
     Ok(Outcome::Done)
 }

@@ -47,13 +47,13 @@ pub fn steps(survey: &Survey) -> Vec<Step> {
     let mut steps = vec![
         step("raven-calibrate cameras", &[no_images], ""),
         step("raven-calibrate register", &[no_images, no_motor], ""),
-        step("raven-track", &[no_images], ""),
+        step("raven-track", &[no_images, no_motor], ""),
         step("raven-identify", &[no_motor, no_tip], if bench_only.is_empty() { no_torque } else { bench_only }),
         step("raven-replay", &[no_motor, no_tip_at_all], validation),
         step("raven-diagnose", &[no_motor, no_tip.filter(|_| !torque)], if bench_only.is_empty() { torque_only } else { bench_only }),
     ];
     if let Some(how) = own_topic {
-        let with_motors = ["raven-calibrate register", "raven-identify", "raven-replay", "raven-diagnose"];
+        let with_motors = ["raven-calibrate register", "raven-track", "raven-identify", "raven-replay", "raven-diagnose"];
         for step in steps.iter_mut().filter(|step| with_motors.contains(&step.program)) {
             let note = std::mem::take(&mut step.note);
             step.note = [how.as_str(), note.as_str()].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>().join("; ");

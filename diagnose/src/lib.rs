@@ -12,6 +12,7 @@ pub mod report;
 pub mod residual;
 pub mod whereabouts;
 
+use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -96,7 +97,7 @@ struct ControllerDifference {
 /// # Errors
 /// If nobody listens.
 pub fn print_library(out: &mut dyn Write) -> Result<Outcome> {
-    write!(out, "{}", raven::effects::document()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
+    cli::print(out, &raven::effects::document())?;
     Ok(Outcome::Done)
 }
 
@@ -123,6 +124,7 @@ pub fn when_told(log: &Path, robot: &Robot, cameras: Option<&Cameras>, effects: 
 /// # Errors
 /// If a file cannot be read, or a recording has nothing to compare.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
+    raven::files::distinct(&args.logs)?;
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let bar = cli::progress(args.logs.len() as u64, "reading recordings");
@@ -164,10 +166,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
             Err(error) => return Err(error),
         }
     }
-    report.print(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
-    if let Some(json) = &args.json {
-        cli::write_json(json, &report)?;
-    }
+    cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     if let Some(html) = &args.html {
         let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
         if let Some(attribution) = &report.attribution {
@@ -217,8 +216,10 @@ impl Report {
         }
         report
     }
+}
 
-    fn print(&self, out: &mut dyn Write) -> std::io::Result<()> {
+impl fmt::Display for Report {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.model_gap.is_empty() {
             writeln!(out, "No tip and no joint encoders in these recordings: the gap at the joints cannot be seen.")?;
         } else {
@@ -237,7 +238,7 @@ impl Report {
             write!(out, "\n{}", against.words())?;
         }
         write!(out, "{}", gap::motor_words(&self.motor_motion))?;
-        self.print_where(out)?;
+        self.where_it_lies(out)?;
         if let Some(attribution) = &self.attribution {
             write!(out, "\n{}", attribution::words(attribution))?;
         }
@@ -258,7 +259,7 @@ impl Report {
 }
 
 impl Report {
-    fn print_where(&self, out: &mut dyn Write) -> std::io::Result<()> {
+    fn where_it_lies(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let phases: Vec<&Place> = self.places.iter().filter(|place| place.is_phase_of_joint()).collect();
         if !phases.is_empty() {
             let what = if self.against.is_some() { "simulation" } else { "model" };

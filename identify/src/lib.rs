@@ -27,7 +27,6 @@ pub mod report;
 pub mod session;
 
 use std::io::Write;
-use std::path::Path;
 use std::time::Instant;
 
 pub use args::Args;
@@ -39,7 +38,7 @@ use problem::Problem;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
-use raven::{Error, Result, files};
+use raven::{Result, files};
 use recording::Recordings;
 use report::Report;
 
@@ -60,6 +59,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let start = Instant::now();
     let robot = Robot::read(args.robot()?)?;
     robot.arm()?;
+    files::distinct(args.logs()?)?;
     let quality = args.cameras.as_deref().map_or_else(|| Ok(Quality::default()), |path| Cameras::read(path).map(|c| c.quality))?;
     let selection = args.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
     let mut unknowns = priors::unknowns(&robot, &selection, &quality)?;
@@ -93,12 +93,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
         let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;
         files::write_atomic(path, svg.as_bytes())?;
     }
-    if let Some(path) = &args.json {
-        cli::write_json(path, &report)?;
-    }
-    if args.json.as_deref() != Some(Path::new("-")) {
-        print(out, &report.table())?;
-    }
+    cli::results(out, &report.table(), args.json.as_deref(), &report)?;
     for effect in raven::effects::within_images(&robot) {
         cli::warn(&format!(
             "{} is in the robot file's list of effects and left out here: a tip is taken for one point at one time.",
@@ -107,9 +102,4 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
-}
-
-/// Writes to standard output, or whatever stands in for it.
-pub(crate) fn print(out: &mut dyn Write, text: &str) -> Result<()> {
-    out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write to", e))
 }

@@ -3,6 +3,7 @@
 //! Results go to standard output, everything else to standard error. Exit codes: 0 done, 1 failed, 2 wrong arguments, 3 done with data
 //! lost.
 
+use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -53,16 +54,69 @@ pub fn spinner(label: &'static str) -> ProgressBar {
     bar
 }
 
-/// Writes the machine-readable result; `-` is standard output.
+/// Stands for standard output where a file is asked for.
+pub const STANDARD_OUTPUT: &str = "-";
+
+/// Prints on standard output, or what stands in for it.
 ///
 /// # Errors
-/// If the file cannot be written.
-pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let mut text = serde_json::to_string_pretty(value).map_err(|e| Error::file(path, format!("the result is no JSON: {e}.")))?;
-    text.push('\n');
-    if path.as_os_str() == "-" {
-        print!("{text}");
-        return Ok(());
+/// If it is closed.
+pub fn print(out: &mut dyn Write, text: &str) -> Result<()> {
+    out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write to", e))
+}
+
+/// Prints results in words, and writes them for machines where that is asked for; [`STANDARD_OUTPUT`] is for the machine alone.
+///
+/// # Errors
+/// If either cannot be written.
+pub fn results(out: &mut dyn Write, text: &str, json: Option<&Path>, value: &impl Serialize) -> Result<()> {
+    match json {
+        Some(path) if path.as_os_str() == STANDARD_OUTPUT => print(out, &json_text(path, value)?),
+        Some(path) => write_json(path, value).and_then(|()| print(out, text)),
+        None => print(out, text),
     }
-    files::write_atomic(path, text.as_bytes())
+}
+
+/// Writes a file for machines.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    files::write_atomic(path, json_text(path, value)?.as_bytes())
+}
+
+fn json_text(path: &Path, value: &impl Serialize) -> Result<String> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| Error::file(path, format!("the result is no JSON: {e}.")))?;
+    Ok(text + "\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn standard_output_is_for_the_machine_alone_if_it_is_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("results.json");
+        for (json, must_print) in [(None, "in words\n"), (Some(path.as_path()), "in words\n"), (Some(Path::new("-")), "[\n  1\n]\n")] {
+            let mut out = Vec::new();
+            results(&mut out, "in words\n", json, &[1]).unwrap();
+            assert_eq!(String::from_utf8(out).unwrap(), must_print);
+        }
+        assert_eq!(std::fs::read_to_string(path).unwrap(), "[\n  1\n]\n");
+    }
+
+    #[test]
+    fn a_closed_pipe_is_an_error_and_no_panic() {
+        struct Closed;
+        impl Write for Closed {
+            fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+                Err(std::io::ErrorKind::BrokenPipe.into())
+            }
+            fn flush(&mut self) -> std::io::Result<()> {
+                Ok(())
+            }
+        }
+        assert!(results(&mut Closed, "", Some(Path::new("-")), &[1]).unwrap_err().to_string().contains("standard output"));
+    }
 }

@@ -1,7 +1,7 @@
 //! Whole files or none: temporary file beside the target, sync, rename.
 
-use std::io::Write;
-use std::path::Path;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
@@ -55,22 +55,52 @@ pub fn yaml_string(text: &str) -> String {
     if plain { text.to_owned() } else { serde_json::Value::from(text).to_string() }
 }
 
-/// Replaces `path` by `contents` in one step; whoever reads it meanwhile sees the old file or the new one, never a part.
+/// Replaces `path` by `contents` in one step; whoever reads it meanwhile sees the old file or the new one, never a part. What a symbolic link
+/// points to is replaced, and pipes and devices are written to as they are.
 ///
 /// # Errors
-/// If the folder does not exist or cannot be written to; the old file then stays.
+/// If the folder does not exist or cannot be written to, or a recording has that name; the old file then stays.
 pub fn write_atomic(path: &Path, contents: &[u8]) -> Result<()> {
-    let mut file = temporary_beside(path)?;
-    file.write_all(contents).map_err(|e| Error::io(path, "write", e))?;
+    let write = |mut file: &std::fs::File| file.write_all(contents).map_err(|e| Error::io(path, "write", e));
+    if is_special(path) {
+        return write(&std::fs::OpenOptions::new().write(true).open(path).map_err(|e| Error::io(path, "write", e))?);
+    }
+    if is_recording(path) {
+        return unused(path);
+    }
+    let file = temporary_beside(path)?;
+    write(file.as_file())?;
     persist(file, path)
 }
 
-/// An empty temporary file in the folder of `path`, removed when dropped.
+/// Whether there is a pipe or a device.
+fn is_special(path: &Path) -> bool {
+    path.metadata().is_ok_and(|there| !there.is_file() && !there.is_dir())
+}
+
+/// Whether there is an MCAP file.
+#[must_use]
+pub fn is_recording(path: &Path) -> bool {
+    let mut first = [0; 5];
+    let mut read = || std::fs::File::open(path)?.read_exact(&mut first);
+    path.is_file() && read().is_ok() && first == *b"\x89MCAP"
+}
+
+/// What a write to `path` replaces: what a symbolic link points to.
+fn replaced(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
+/// An empty temporary file in the folder of what a write to `path` replaces, removed when dropped.
 ///
 /// # Errors
-/// If the folder does not exist or cannot be written to.
+/// If the folder does not exist or cannot be written to, or `path` is no regular file.
 pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
-    let folder = match path.parent() {
+    if path.exists() && !path.is_file() {
+        return Err(Error::file(path, "this is a folder or a device; name a file to write."));
+    }
+    let replaced = replaced(path);
+    let folder = match replaced.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
@@ -90,7 +120,49 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
 /// If the disk is full or the name cannot be taken.
 pub fn persist(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
     file.as_file().sync_all().map_err(|e| Error::io(path, "sync", e))?;
-    file.persist(path).map_err(|e| Error::io(path, "rename to", e.error))?;
+    file.persist(replaced(path)).map_err(|e| Error::io(path, "rename to", e.error))?;
+    Ok(())
+}
+
+/// Refuses to write a recording where something is already.
+///
+/// # Errors
+/// If the file exists.
+pub fn unused(recording: &Path) -> Result<()> {
+    if recording.exists() {
+        return Err(Error::file(recording, "this recording exists, and recordings are never written over; choose another name."));
+    }
+    Ok(())
+}
+
+/// Refuses to write over what is read.
+///
+/// # Errors
+/// If both are one file.
+pub fn apart(input: &Path, output: &Path) -> Result<()> {
+    match (input.canonicalize(), output.canonicalize()) {
+        (Ok(from), Ok(to)) if from == to => Err(Error::Argument(format!(
+            "{}: this is the recording itself, which is never written over; give -o another name.",
+            output.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a recording that is given twice: it would count as two.
+///
+/// # Errors
+/// If two of the files have the same contents, or cannot be read.
+pub fn distinct<P: AsRef<Path>>(recordings: &[P]) -> Result<()> {
+    let size = |path: &Path| path.metadata().map(|there| there.len()).ok();
+    for (k, one) in recordings.iter().map(AsRef::as_ref).enumerate() {
+        for other in recordings[..k].iter().map(AsRef::as_ref) {
+            if size(one).is_some() && size(one) == size(other) && sha256(one)? == sha256(other)? {
+                let sentence = format!("this is the same recording as {} and would count twice; leave one away.", other.display());
+                return Err(Error::file(one, sentence));
+            }
+        }
+    }
     Ok(())
 }
 
@@ -124,6 +196,42 @@ pub fn sha256(path: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn links_stay_links_and_devices_devices() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("a.yaml"), folder.path().join("link.yaml"));
+        write_atomic(&file, b"old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_atomic(&link, b"new").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(read_text(&file).unwrap(), "new");
+        let null = Path::new("/dev/null");
+        write_atomic(null, b"nothing").unwrap();
+        assert!(is_special(null) && temporary_beside(null).unwrap_err().to_string().contains("name a file"));
+        assert!(write_atomic(folder.path(), b"x").unwrap_err().to_string().contains("name a file"));
+    }
+
+    #[test]
+    fn what_is_read_is_not_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = folder.path().join("a.mcap");
+        write_atomic(&log, b"images").unwrap();
+        let again = folder.path().join(".").join("a.mcap");
+        assert!(apart(&log, &again).unwrap_err().to_string().contains("another name"));
+        assert!(unused(&again).unwrap_err().to_string().contains("never written over"));
+        assert!(write_atomic(&again, b"{}").is_ok());
+        write_atomic(&log, b"\x89MCAP0\r\n").unwrap();
+        assert!(write_atomic(&again, b"{}").unwrap_err().to_string().contains("never written over"));
+        let other = folder.path().join("b.mcap");
+        std::fs::copy(&log, &other).unwrap();
+        assert!(distinct(&[&log, &other]).unwrap_err().to_string().contains("count twice"));
+        std::fs::write(&other, b"\x89MCAP0\r\r").unwrap();
+        distinct(&[&log, &other]).unwrap();
+        std::fs::remove_file(&other).unwrap();
+        apart(&log, &other).and_then(|()| unused(&other)).unwrap();
+    }
 
     #[test]
     fn a_failed_write_keeps_the_old_file() {

@@ -1,6 +1,5 @@
 //! The programs one after the other, in one process, with the commands a lab would type.
 
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
@@ -53,8 +52,9 @@ impl<'a> Chain<'a> {
     /// # Errors
     /// If it cannot be written.
     pub fn say(&mut self, text: &str) -> Result<()> {
-        let _ = writeln!(self.transcript, "{text}");
-        writeln!(self.out, "{text}").map_err(|e| Error::io(Path::new("standard output"), "write", e))
+        let line = format!("{text}\n");
+        self.transcript += &line;
+        raven::cli::print(&mut self.out, &line)
     }
 }
 

@@ -15,7 +15,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use raven::cli::{self, Outcome};
 use raven::log::Recording;
 use raven::robot::Robot;
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 
 use crate::errors::JointErrors;
 use crate::estimate::Settings;
@@ -109,9 +109,15 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(cameras) = &args.cameras {
         raven::camera::Cameras::read(cameras)?;
     }
-    if args.output.is_some() && args.logs.len() > 1 {
-        return Err(Error::Argument("-o takes the estimates of one log; give one log or leave -o away.".to_owned()));
+    for (option, is_given) in [("-o", args.output.is_some()), ("--plot", args.plot.is_some())] {
+        if is_given && args.logs.len() > 1 {
+            return Err(Error::Argument(format!("{option} takes the estimates of one log; give one log or leave {option} away.")));
+        }
     }
+    if let Some(output) = &args.output {
+        args.logs.iter().try_for_each(|log| files::apart(log, output))?;
+    }
+    files::distinct(&args.logs)?;
     let settings = Settings { filter: args.filter, occlude: args.occlude, occlusion: args.occlusion, tuning: None };
     let bar = cli::progress(args.logs.len() as u64, "replaying");
     let mut errors: [Vec<JointErrors>; 3] = Default::default();
@@ -136,9 +142,6 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     bar.finish_and_clear();
     let result = report::Report::new(&robot, &errors, summaries, started.elapsed().as_secs_f64());
-    result.print(out)?;
-    if let Some(json) = &args.json {
-        cli::write_json(json, &result)?;
-    }
+    cli::results(out, &result.to_string(), args.json.as_deref(), &result)?;
     Ok(Outcome::Done)
 }

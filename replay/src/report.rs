@@ -1,6 +1,6 @@
 //! What `raven-replay` prints and writes.
 
-use std::io::Write;
+use std::fmt;
 use std::path::Path;
 
 use raven::effects::within_images;
@@ -10,7 +10,7 @@ use raven::log::{JointSeries, LogWriter, Recording, topics};
 use raven::plot::{self, Mark, Panel, Series};
 use raven::robot::Robot;
 use raven::stats::TTest;
-use raven::{Error, Result, files};
+use raven::{Result, files};
 use serde::Serialize;
 
 use crate::errors::{Estimate, Estimates, JointErrors, JointRow, paired};
@@ -62,7 +62,7 @@ impl LogSummary {
     }
 
     /// One sentence per kind of error that can be checked.
-    pub fn print(&self, out: &mut dyn Write) -> std::io::Result<()> {
+    fn sentences(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(nis) = self.nis else { return Ok(()) };
         writeln!(out, "{}", self.log)?;
         let [low, high] = nis.band95;
@@ -97,13 +97,10 @@ impl Report {
         let left_out = within_images(robot).into_iter().map(|effect| effect.id.clone()).collect();
         Self { joints, paired_t, logs, left_out, seconds }
     }
+}
 
-    /// Prints the table.
-    pub fn print(&self, out: &mut dyn Write) -> Result<()> {
-        self.table(out).map_err(|e| Error::io(Path::new("standard output"), "write", e))
-    }
-
-    fn table(&self, out: &mut dyn Write) -> std::io::Result<()> {
+impl fmt::Display for Report {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.joints.is_empty() {
             writeln!(out, "No reference encoders in these logs (/joint_encoders): nothing to compare with.")?;
         } else {
@@ -131,7 +128,7 @@ impl Report {
             )?;
         }
         for log in &self.logs {
-            log.print(out)?;
+            log.sentences(out)?;
         }
         for id in &self.left_out {
             writeln!(out, "{id} is in the robot file's list of effects and left out here: a tip is taken for one point at one time.")?;

@@ -79,10 +79,7 @@ pub fn run(args: &Colour, out: &mut dyn Write) -> Result<Outcome> {
         1e3 * z,
         100.0 * share_around
     );
-    write!(out, "{text}").map_err(|e| Error::io(Path::new("-"), "write", e))?;
-    if let Some(json) = &args.json {
-        cli::write_json(json, &learned)?;
-    }
+    cli::results(out, &text, args.json.as_deref(), &learned)?;
     Ok(Outcome::Done)
 }
 
@@ -107,18 +104,23 @@ pub fn learn(log: &Path, cameras: &Cameras, radius_m: f64) -> Result<Learned> {
         })
         .filter(|place| place.frames as f64 >= LEAST_SHARE * pairs.len() as f64)
         .collect();
-    let place = the_only(log, &distinct(seen), || {
+    let none_rests = || {
         format!(
             "no coloured ball of {:.1} mm radius rests in view of both cameras in half of {} pairs of frames. Check --marker-radius and the \
-             cameras file, and that the marker is lit and in view.",
+             cameras file, and that the marker is lit, in view and at rest.",
             1e3 * radius_m,
             pairs.len()
         )
-    })?;
+    };
+    let place = the_only(log, &distinct(seen), none_rests)?;
     let Some((colour, share_around)) = colour_at(&pairs, cameras, &place, radius_m) else {
         return Err(Error::file(log, "the marker is too small in the images to tell its colour; move the cameras nearer."));
     };
     let pairs_seen = gathered(colour).places().first().map_or(0, |place| place.frames);
+    // A ball that passes through a place has its colour there no longer.
+    if (pairs_seen as f64) < LEAST_SHARE * pairs.len() as f64 {
+        return Err(Error::file(log, none_rests()));
+    }
     Ok(Learned {
         hue_deg: colour.hue_deg,
         min_saturation: colour.min_saturation,

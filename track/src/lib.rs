@@ -40,7 +40,7 @@ pub mod tips;
 pub mod tracker;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::{Parser, Subcommand};
@@ -145,12 +145,13 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match (args.command, args.track) {
         (Some(Command::Colour(colour)), _) => learn::run(&colour, out),
         (None, Some(track)) => self::track(&track, &args.appearance, out),
-        (None, None) => Err(Error::Data("name a recording to track; see `raven-track --help`.".to_owned())),
+        (None, None) => Err(Error::Argument("name a recording to track; see `raven-track --help`.".to_owned())),
     }
 }
 
 fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
+    files::apart(&args.log, &args.output)?;
     let robot_text = files::read_text(&args.robot)?;
     let robot = Robot::parse(&args.robot, &robot_text)?;
     let cameras_text = files::read_text(&args.cameras)?;
@@ -207,10 +208,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
     let seconds = started.elapsed().as_secs_f64();
 
     let report = Report { seconds, pairs_per_second: report.pairs as f64 / seconds.max(1e-9), ..report };
-    write!(out, "{report}").map_err(|e| Error::io(Path::new("-"), "write", e))?;
-    if let Some(json) = &args.json {
-        cli::write_json(json, &report)?;
-    }
+    cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     Ok(if report.has_lost_data() { Outcome::DataLost } else { Outcome::Done })
 }
 

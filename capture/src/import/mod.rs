@@ -6,10 +6,10 @@ pub mod from_bag;
 pub mod images;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use raven::cli::{self, Outcome};
-use raven::{Error, Result};
+use raven::{Result, files};
 use serde::Serialize;
 
 use crate::record::args::{positive, with_extension};
@@ -56,22 +56,15 @@ pub struct Imported {
 /// If the input cannot be read or holds nothing to import, or the recording cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let output = with_extension(&args.output);
-    if output.exists() {
-        return Err(Error::file(&output, "this recording exists, and recordings are never written over; choose another name."));
-    }
+    files::unused(&output)?;
     let imported = if args.input.is_dir() {
         images::import(&args.input, args.fps, &output)?
     } else {
         from_bag::import(&args.input, &args.rename, &output)?
     };
     imported.lost.iter().for_each(|sentence| cli::warn(sentence));
-    if args.json.as_deref() != Some(Path::new("-")) {
-        let text = format!("{}: {} messages on {}\n", output.display(), imported.messages, imported.topics.join(", "));
-        out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
-    }
-    if let Some(json) = &args.json {
-        cli::write_json(json, &imported)?;
-    }
+    let text = format!("{}: {} messages on {}\n", output.display(), imported.messages, imported.topics.join(", "));
+    cli::results(out, &text, args.json.as_deref(), &imported)?;
     Ok(if imported.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }
 

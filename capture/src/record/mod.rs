@@ -13,14 +13,13 @@ pub mod writer;
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
+use raven::Result;
 use raven::cli::{self, Outcome};
 use raven::log::{Side, topics};
-use raven::{Error, Result};
 
 pub use self::args::Args;
 use self::args::{cameras, wanted, with_extension};
@@ -122,12 +121,7 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
     // A camera's stamps are of this machine's own clock.
     let of_robots = summary.topics.iter().filter(|topic| topic.camera.is_none());
     of_robots.filter_map(|topic| disagreement(&topic.topic, topic.counts.least_lag_s)).for_each(|sentence| cli::warn(&sentence));
-    if args.json.as_deref() != Some(Path::new("-")) {
-        out.write_all(summary.render().as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write", e))?;
-    }
-    if let Some(json) = &args.json {
-        cli::write_json(json, &summary)?;
-    }
+    cli::results(out, &summary.render(), args.json.as_deref(), &summary)?;
     Ok(summary.outcome())
 }
 

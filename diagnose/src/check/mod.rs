@@ -89,11 +89,12 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let cameras = if args.cameras.is_some() || cameras_path.exists() { Some(Cameras::read(&cameras_path)?) } else { None };
     let diagnose = |log: &Path| crate::diagnose_recording(log, &robot, cameras.as_ref());
     let oracle = |log: &Path, effects: &[(&str, Option<&str>)]| crate::when_told(log, &robot, cameras.as_ref(), effects);
-    let score = check(folder, &Names::of(&robot), &diagnose, &oracle, &args.verdicts, out)?;
-    print(out, format_args!("\n{score}"))?;
-    if let Some(json) = &args.json {
-        cli::write_json(json, &score)?;
-    }
+    let json = args.json.as_deref();
+    // Standard output may be for the machine alone; the sums have to be seen all the same.
+    let mut aside = std::io::stderr();
+    let sums: &mut dyn Write = if json == Some(Path::new(cli::STANDARD_OUTPUT)) { &mut aside } else { out };
+    let score = check(folder, &Names::of(&robot), &diagnose, &oracle, &args.verdicts, sums)?;
+    cli::results(out, &format!("\n{score}"), json, &score)?;
     Ok(Outcome::Done)
 }
 
@@ -134,9 +135,9 @@ pub fn check(
         cli::warn(&format!("some recordings have no verdict and count as wrong; the first of them: {error}"));
     }
     let committed = Committed::write(verdicts, &answers)?;
-    print(out, format_args!("verdicts: SHA-256 {}  {}\n", committed.sum(), verdicts.display()))?;
+    cli::print(out, &format!("verdicts: SHA-256 {}  {}\n", committed.sum(), verdicts.display()))?;
     let labels = committed.open_labels(folder)?;
-    print(out, format_args!("labels:   SHA-256 as sealed in {}\n", folder.join(raven::simulation::LABELS_SUM).display()))?;
+    cli::print(out, &format!("labels:   SHA-256 as sealed in {}\n", folder.join(raven::simulation::LABELS_SUM).display()))?;
     let bar = cli::progress(recordings.len() as u64, "fitting what is true");
     for (answer, path) in answers.iter_mut().zip(&recordings) {
         let Some(label) = labels.get(&answer.name) else {
@@ -181,8 +182,4 @@ fn simulate(robot: &Robot, seed: u64, count: usize, folder: &Path) -> Result<()>
     SealedFolder::open(folder)?.add_all(robot, &cases, &SealedFolder::options(), || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(())
-}
-
-fn print(out: &mut dyn Write, text: std::fmt::Arguments<'_>) -> Result<()> {
-    out.write_fmt(text).map_err(|e| Error::io(Path::new("standard output"), "write", e))
 }

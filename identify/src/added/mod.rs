@@ -6,7 +6,6 @@ mod request;
 
 use std::fmt::Write as _;
 use std::io::Write;
-use std::path::Path;
 
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
@@ -48,20 +47,18 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
     // What is written must be readable: the sentence about a number that is not comes from reading it.
     Robot::parse(output, &robot.to_yaml())?;
     if output.as_os_str() == "-" {
-        return crate::print(out, &robot.to_yaml()).map(|()| Outcome::Done);
+        return cli::print(out, &robot.to_yaml()).map(|()| Outcome::Done);
     }
     robot.write(output)?;
     let changes = before.changes_to(&robot);
     let listed = &robot.effects[before.effects.len()..];
-    if let Some(path) = &args.json {
+    let report = {
         let change = |c: &Change| json!({"key": c.key, "unit": c.unit, "before": c.before, "after": c.after});
         let entry = |e: &raven::robot::ListedEffect| json!({"id": e.id, "joint": e.joint, "values": e.values});
         let (changes, listed): (Vec<_>, Vec<_>) = (changes.iter().map(change).collect(), listed.iter().map(entry).collect());
-        cli::write_json(path, &json!({"changes": changes, "effects": listed}))?;
-    }
-    if args.json.as_deref() != Some(Path::new("-")) {
-        crate::print(out, &table(&changes, listed))?;
-    }
+        json!({"changes": changes, "effects": listed})
+    };
+    cli::results(out, &table(&changes, listed), args.json.as_deref(), &report)?;
     Ok(Outcome::Done)
 }
 

@@ -62,7 +62,7 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
         if args.table { table::table(&lab, &proposal, args.duration) } else { lab.report(&proposal, args.duration) }
     });
     spinner.finish_and_clear();
-    crate::print(out, &text?)?;
+    cli::print(out, &text?)?;
     Ok(Outcome::Done)
 }
 

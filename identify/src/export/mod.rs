@@ -41,7 +41,7 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
         Format::Rosparam => rosparam::yaml(&robot, &calibration),
     };
     if args.output.as_os_str() == "-" {
-        crate::print(out, &text)?;
+        cli::print(out, &text)?;
     } else {
         write_keeping_old(&args.output, &text)?;
     }

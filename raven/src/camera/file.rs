@@ -121,7 +121,8 @@ impl Cameras {
         files::write_atomic(path, self.to_yaml().as_bytes())
     }
 
-    /// The file's text. Each camera's block alone, under its own name, is a ROS `camera_info` file.
+    /// The file's text. Each camera's block alone, under its own name, is a ROS `camera_info` file: of one camera that is not
+    /// rectified, with the length of the baseline in the right one's projection. `raven-calibrate cameras --export-ros` rectifies the pair.
     #[must_use]
     pub fn to_yaml(&self) -> String {
         let mut text =

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use mcap::records::op;
 
 use super::writer::{LogWriter, Place, fault};
-use crate::{Error, Result};
+use crate::{Error, Result, files};
 
 /// The name of a log until it is complete.
 #[must_use]
@@ -29,9 +29,7 @@ impl LogWriter {
     /// # Errors
     /// If a recording of that name exists, complete or not, or the folder cannot be written to.
     pub fn live(path: &Path) -> Result<Self> {
-        if path.exists() {
-            return Err(Error::file(path, "this recording exists, and recordings are never written over; choose another name."));
-        }
+        files::unused(path)?;
         let active = active_name(path);
         let file = OpenOptions::new().write(true).create_new(true).open(&active).map_err(|e| {
             if e.kind() != std::io::ErrorKind::AlreadyExists {

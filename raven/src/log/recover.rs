@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Damage, Item, LogWriter, Walker};
-use crate::{Error, Result};
+use crate::{Error, Result, files};
 
 /// What was saved.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -21,14 +21,10 @@ pub struct Recovery {
 /// Copies every readable message, topic, attachment and metadata record of `input` into a new, whole log.
 ///
 /// # Errors
-/// If `input` cannot be read or is no MCAP file, or `output` is the same file or cannot be written.
+/// If `input` cannot be read or is no MCAP file, or `output` exists or cannot be written.
 pub fn recover(input: &Path, output: &Path) -> Result<Recovery> {
     let mut walker = Walker::open(input)?;
-    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
-        && from == to
-    {
-        return Err(Error::Argument(format!("{}: the recovered log needs another name than the damaged one.", output.display())));
-    }
+    files::unused(output)?;
     let mut writer = None;
     let mut ids = std::collections::HashMap::new();
     let mut attachments = 0;

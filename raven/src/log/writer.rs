@@ -82,6 +82,9 @@ impl LogWriter {
     /// # Errors
     /// Those of [`LogWriter::create`].
     pub fn with_profile(path: &Path, profile: &str) -> Result<Self> {
+        if path.metadata().is_ok_and(|there| there.len() > 0) && !files::is_recording(path) {
+            return Err(Error::file(path, "this file is no recording and would be lost; choose another name."));
+        }
         let temporary = files::temporary_beside(path)?;
         let file = temporary.as_file().try_clone().map_err(|e| Error::io(path, "write", e))?;
         Self::start(path, profile, Place::Temporary(temporary), file)

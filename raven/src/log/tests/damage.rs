@@ -27,9 +27,16 @@ fn read(path: &Path) -> crate::Result<Recording> {
     Recording::read(path, &MotorSource::default())
 }
 
+/// Where to recover a log to: recordings are never written over.
+fn unused(folder: &Path) -> PathBuf {
+    let saved = folder.join("saved.mcap");
+    let _ = std::fs::remove_file(&saved);
+    saved
+}
+
 /// Recovers the log at `path`; the new one must be whole and hold as many messages as was said.
 fn recovered(folder: &Path, path: &Path) -> Option<u64> {
-    let saved = folder.join("saved.mcap");
+    let saved = unused(folder);
     let recovery = recover(path, &saved).ok()?;
     let recording = read(&saved).unwrap();
     assert_eq!(recording.topics[topics::RAVEN_STATE], recovery.messages);
@@ -133,7 +140,7 @@ fn a_changed_chunk_is_left_out_and_the_others_stay() {
         let damage = survey.damage.unwrap();
         assert_eq!((damage.cut_off_at, damage.bad_records), (None, 1), "{damage:?}");
         assert!(survey.messages > 900 && survey.messages < 1000, "{}", survey.messages);
-        let recovery = recover(&path, &folder.path().join("saved.mcap")).unwrap();
+        let recovery = recover(&path, &unused(folder.path())).unwrap();
         assert_eq!((recovery.messages, recovery.expected_messages), (survey.messages, Some(1000)));
     }
 }
@@ -192,6 +199,6 @@ proptest! {
         std::fs::write(&path, &bytes).unwrap();
         let _ = read(&path);
         let _ = Survey::of(&path);
-        let _ = recover(&path, &folder.path().join("saved.mcap"));
+        let _ = recover(&path, &unused(folder.path()));
     }
 }
