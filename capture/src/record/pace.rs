@@ -6,6 +6,8 @@ use raven::log::{GAP_FACTOR, Stamp};
 const WINDOW: usize = 127;
 /// The median is taken anew after so many intervals.
 const RENEW: usize = 32;
+/// What is farther behind the latest stamp is no message that came late [s].
+const LATE_S: f64 = 1.0;
 /// With fewer intervals there is no telling what is usual.
 const LEAST: usize = 8;
 
@@ -32,7 +34,9 @@ impl Pace {
     /// which is 0 up to [`GAP_FACTOR`] medians.
     pub fn take(&mut self, stamp: Stamp) -> u32 {
         let Some(last) = self.last.filter(|last| stamp > *last) else {
-            self.last = self.last.or(Some(stamp));
+            // The clock was set back, or a stamp was far ahead: the next interval counts from here.
+            let is_late = |last: &Stamp| last.seconds_since(stamp) < LATE_S;
+            self.last = self.last.filter(is_late).or(Some(stamp));
             return 0;
         };
         let interval_s = stamp.seconds_since(last);
@@ -102,6 +106,18 @@ mod tests {
         assert_eq!(pace.gaps(), quality.gaps as u64);
         assert_eq!(pace.longest_s(), quality.longest_interval_s);
         assert_eq!(quality.gaps, 20 + 3, "twenty at every 97th, three where a stamp went back");
+    }
+
+    #[test]
+    fn a_stamp_far_ahead_does_not_blind_to_gaps() {
+        let mut pace = Pace::default();
+        let missing: u32 = (0..3000_u64)
+            .filter(|i| !(2000..2100).contains(i))
+            .map(|i| pace.take(Stamp(1_000_000 * if i == 1000 { 3_600_000 } else { 1 + i })))
+            .sum();
+        // The stamp itself is a gap of an hour.
+        assert_eq!((pace.gaps(), missing), (2, 3_598_999 + 100));
+        assert_eq!(pace.last(), Some(Stamp(3_000_000_000)));
     }
 
     #[test]

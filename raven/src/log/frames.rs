@@ -191,10 +191,11 @@ pub fn frame_stamps(path: &Path) -> Result<Vec<(Side, Stamp)>> {
     Ok(stamps)
 }
 
-/// The channels whose frames are taken: one per camera.
+/// The channels whose frames are taken: those of one topic per camera, as many as published on it.
 #[derive(Default)]
 struct Cameras {
     decoders: HashMap<u16, (Side, FrameDecoder)>,
+    taken: HashMap<Side, String>,
     topics: Vec<String>,
     problem: Option<String>,
 }
@@ -203,11 +204,12 @@ impl Cameras {
     fn admit(&mut self, channel: &Channel) {
         self.topics.push(format!("`{}`", channel.topic));
         let Some(side) = topics::camera_of(&channel.topic) else { return };
-        if self.decoders.values().any(|(taken, _)| *taken == side) {
+        if self.taken.get(&side).is_some_and(|taken| *taken != channel.topic) {
             return;
         }
         match FrameDecoder::new(channel) {
             Ok(decoder) => {
+                self.taken.insert(side, channel.topic.clone());
                 self.decoders.insert(channel.id, (side, decoder));
             }
             Err(problem) => self.problem = Some(format!("`{}`: {problem}", channel.topic)),

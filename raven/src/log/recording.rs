@@ -328,8 +328,12 @@ impl<'s> Reader<'s> {
 
 fn push_joints(builder: &mut Option<SeriesBuilder>, decoder: &JointDecoder, message: &RawMessage<'_>, sample: &mut JointSample) {
     let decoded = decoder.decode(message.data, sample);
-    let builder = builder.get_or_insert_with(|| SeriesBuilder::new(if decoded.is_some() { sample.names.clone() } else { Vec::new() }));
-    if decoded.is_none() || sample.names != builder.names() {
+    let builder = builder.get_or_insert_with(SeriesBuilder::default);
+    let names_any = decoded.is_some() && !sample.names.is_empty();
+    if names_any && builder.names().is_empty() {
+        builder.begin(sample.names.clone());
+    }
+    if !names_any || sample.names != builder.names() {
         builder.undecodable += 1;
         return;
     }

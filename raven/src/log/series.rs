@@ -90,6 +90,11 @@ impl SeriesBuilder {
         Self { names, ..Self::default() }
     }
 
+    /// Names the joints, once the first message says which there are.
+    pub(super) fn begin(&mut self, names: Vec<String>) {
+        self.names = names;
+    }
+
     pub(super) fn names(&self) -> &[String] {
         &self.names
     }

@@ -135,6 +135,8 @@ fn skip(kind: Primitive, count: Count, field: &str, steps: &mut Vec<Step>) -> Re
             push_skip(size.checked_mul(number).ok_or_else(|| format!("field `{field}` is too large"))?, field, steps)?;
         }
         (Some(size), Count::Prefixed) => steps.push(Step::SkipCounted(size)),
+        // No step may take nothing, or it could be repeated for ever.
+        (None, Count::Fixed(0)) => {}
         (None, Count::Fixed(1)) => steps.push(Step::SkipCounted(1)),
         (None, count) => steps.push(Step::SkipTexts(count)),
     }

@@ -194,3 +194,59 @@ proptest! {
         }
     }
 }
+
+/// Nothing repeated as often as can be said takes no time, as it takes no bytes.
+#[test]
+fn what_takes_no_bytes_is_not_walked() {
+    let nothing = "================\nMSG: p/Nothing\nstring[0] a\nfloat64[0] b\n";
+    for (field, bytes) in [("p/Nothing[18446744073709551615] all", vec![]), ("p/Nothing[] all", vec![0xff; 4])] {
+        let definition = Definition::parse("p/Any", &format!("{field}\nuint8 after\n{nothing}")).unwrap();
+        let extractor = Extractor::new(&definition, &["after"]).unwrap();
+        let message = [bytes.as_slice(), &[7]].concat();
+        let Ok([Some(after)]) = extractor.walk::<1>(&message) else { panic!("{field}") };
+        assert_eq!(after.integer(0), Some(7));
+    }
+}
+
+/// A camera's node that is started anew goes on on its topic as another publisher.
+#[test]
+fn frames_of_every_publisher_are_taken() {
+    let (_folder, first) = place();
+    let mut log = LogWriter::create(&first).unwrap();
+    (0..3).for_each(|i| log.compressed_image(Side::Left, ms(i), 0, &[0xff, 0xd8, 0xff, 0xd9]).unwrap());
+    log.finish().unwrap();
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path).unwrap();
+    for publisher in ["/camera_1", "/camera_2"] {
+        let mut id = None;
+        Walker::open(&first)
+            .unwrap()
+            .run(|item| {
+                match item {
+                    Item::Channel(channel) => {
+                        let mut channel = Channel::clone(channel);
+                        channel.metadata.insert("callerid".to_owned(), publisher.to_owned());
+                        id = Some(log.copy_channel(&channel)?);
+                    }
+                    Item::Message(message) => log.copy_message(id.unwrap(), &message)?,
+                    _ => {}
+                }
+                Ok(())
+            })
+            .unwrap();
+    }
+    log.finish().unwrap();
+    assert_eq!((frames(&path).unwrap().count(), frame_stamps(&path).unwrap().len()), (6, 6));
+}
+
+/// A driver may say nothing at first.
+#[test]
+fn joints_are_named_by_the_first_message_that_has_any() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path).unwrap();
+    log.joint_states::<&str>(topics::JOINT_ENCODERS, ms(0), &[], &[], None).unwrap();
+    (1..5).for_each(|i| log.joint_states(topics::JOINT_ENCODERS, ms(i), &["elbow"], &[i as f64], None).unwrap());
+    log.finish().unwrap();
+    let encoders = read(&path).joint_encoders.unwrap();
+    assert_eq!((encoders.names.as_slice(), encoders.len()), (&["elbow".to_owned()][..], 4));
+}
