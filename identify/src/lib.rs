@@ -58,6 +58,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 
 fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let start = Instant::now();
+    let has_table = args.has_table()?;
     let robot = Robot::read(args.robot()?)?;
     robot.arm()?;
     let quality = args.cameras.as_deref().map_or_else(|| Ok(Quality::default()), |path| Cameras::read(path).map(|c| c.quality))?;
@@ -87,7 +88,8 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     report.identifiability = Some(identifiability);
 
     if let Some(path) = &args.output {
-        identified::identified(&robot, &findings, problem.friction_holds(), args.method.name(), &recordings.sessions)?.write(path)?;
+        let new = identified::identified(&robot, &findings, problem.friction_holds(), args.method.name(), &recordings.sessions)?;
+        write(path, &new.to_yaml(), out)?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {
         let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;
@@ -96,7 +98,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(path) = &args.json {
         cli::write_json(path, &report)?;
     }
-    if args.json.as_deref() != Some(Path::new("-")) {
+    if has_table {
         print(out, &report.table())?;
     }
     for effect in raven::effects::within_images(&robot) {
@@ -107,6 +109,11 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// Writes a file; `-` is standard output.
+pub(crate) fn write(path: &Path, text: &str, out: &mut dyn Write) -> Result<()> {
+    if path.as_os_str() == "-" { print(out, text) } else { files::write_atomic(path, text.as_bytes()) }
 }
 
 /// Writes to standard output, or whatever stands in for it.

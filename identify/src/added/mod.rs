@@ -6,7 +6,6 @@ mod request;
 
 use std::fmt::Write as _;
 use std::io::Write;
-use std::path::Path;
 
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
@@ -33,6 +32,7 @@ struct Sized {
 /// With a sentence, if an effect is unknown, not in the diagnosis, at no such joint, beyond what hardware can have, or belongs to the
 /// cameras; or if a file cannot be read or written.
 pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
+    let has_table = args.has_table()?;
     let output = args.output.as_deref().ok_or_else(|| Error::Argument("-o is missing: the robot file to write.".to_owned()))?;
     let before = Robot::read(args.robot()?)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
@@ -46,11 +46,9 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
         }
     }
     // What is written must be readable: the sentence about a number that is not comes from reading it.
-    Robot::parse(output, &robot.to_yaml())?;
-    if output.as_os_str() == "-" {
-        return crate::print(out, &robot.to_yaml()).map(|()| Outcome::Done);
-    }
-    robot.write(output)?;
+    let text = robot.to_yaml();
+    Robot::parse(output, &text)?;
+    crate::write(output, &text, out)?;
     let changes = before.changes_to(&robot);
     let listed = &robot.effects[before.effects.len()..];
     if let Some(path) = &args.json {
@@ -59,7 +57,7 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
         let (changes, listed): (Vec<_>, Vec<_>) = (changes.iter().map(change).collect(), listed.iter().map(entry).collect());
         cli::write_json(path, &json!({"changes": changes, "effects": listed}))?;
     }
-    if args.json.as_deref() != Some(Path::new("-")) {
+    if has_table {
         crate::print(out, &table(&changes, listed))?;
     }
     Ok(Outcome::Done)
