@@ -96,7 +96,8 @@ fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robo
             std: variance.sqrt(),
             prior,
             prior_std: prior_variance.sqrt(),
-            identified: true,
+            // An effect that was measured has a deviation; its shapes may be as usual.
+            identified: stds.iter().any(|&std| std > 0.0),
             method: format!("effect {}", name(sited, robot)),
             logs: Vec::new(),
             sha256: Vec::new(),
