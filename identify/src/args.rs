@@ -58,7 +58,7 @@ pub struct Excite {
     /// Print Cramer-Rao deviations for the lab's motions and the proposal instead.
     #[arg(long)]
     pub table: bool,
-    /// Joint set points to write: CSV of time, shoulder, elbow and insertion in s, rad, rad and m.
+    /// Joint set points to write: CSV of time, shoulder, elbow and insertion in s, rad, rad and m; - for standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 }
@@ -112,7 +112,7 @@ pub struct Identify {
     /// What to look for, separated by commas (default: r_l1 and latency; hard stops and registration are estimated along).
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub parameters: Option<Vec<String>>,
-    /// Robot file to write.
+    /// Robot file to write; - for standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// With dual and joint: the estimates over time with bands of two deviations, as SVG.
@@ -188,6 +188,18 @@ impl Identify {
     /// If none is given.
     pub fn robot(&self) -> Result<&Path> {
         self.robot.as_deref().ok_or_else(|| Error::Argument("--robot is missing: the robot file to start from.".to_owned()))
+    }
+
+    /// Whether standard output is left for the table.
+    ///
+    /// # Errors
+    /// If both the robot file and the result are to go there.
+    pub fn has_table(&self) -> Result<bool> {
+        match [&self.output, &self.json].into_iter().flatten().filter(|path| path.as_os_str() == raven::cli::STANDARD_OUTPUT).count() {
+            0 => Ok(true),
+            1 => Ok(false),
+            _ => Err(Error::Argument("-o and --json are both `-`, and standard output takes one of them; name a file.".to_owned())),
+        }
     }
 
     /// The logs.

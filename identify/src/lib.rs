@@ -27,6 +27,7 @@ pub mod report;
 pub mod session;
 
 use std::io::Write;
+use std::path::Path;
 use std::time::Instant;
 
 pub use args::Args;
@@ -57,6 +58,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 
 fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let start = Instant::now();
+    let has_table = args.has_table()?;
     let robot = Robot::read(args.robot()?)?;
     robot.arm()?;
     files::distinct(args.logs()?)?;
@@ -87,13 +89,15 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     report.identifiability = Some(identifiability);
 
     if let Some(path) = &args.output {
-        identified::identified(&robot, &findings, problem.friction_holds(), args.method.name(), &recordings.sessions)?.write(path)?;
+        let new = identified::identified(&robot, &findings, problem.friction_holds(), args.method.name(), &recordings.sessions)?;
+        write(path, &new.to_yaml(), out)?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {
         let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;
         files::write_atomic(path, svg.as_bytes())?;
     }
-    cli::results(out, &report.table(), args.json.as_deref(), &report)?;
+    let table = if has_table { report.table() } else { String::new() };
+    cli::results(out, &table, args.json.as_deref(), &report)?;
     for effect in raven::effects::within_images(&robot) {
         cli::warn(&format!(
             "{} is in the robot file's list of effects and left out here: a tip is taken for one point at one time.",
@@ -102,4 +106,9 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// Writes a file; `-` is standard output.
+pub(crate) fn write(path: &Path, text: &str, out: &mut dyn Write) -> Result<()> {
+    if path.as_os_str() == cli::STANDARD_OUTPUT { cli::print(out, text) } else { files::write_atomic(path, text.as_bytes()) }
 }

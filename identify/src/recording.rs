@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use raven::log::{MotorSource, Recording, TipObservation, TipStatus};
-use raven::robot::{JointType, MotorTrack, Robot};
+use raven::robot::{JointType, Robot};
 use raven::{Error, Result, files};
 
 use crate::motion::Motion;
@@ -59,13 +59,7 @@ impl Recordings {
 
     fn add(&mut self, path: &Path, robot: &Robot) -> Result<()> {
         let recording = Recording::read(path, &MotorSource::from(robot))?;
-        let motor = recording.require_motor()?;
-        let [first, second, third, ..] = motor.position.as_slice() else {
-            let message = format!("the motor side has {} joints, and an arm three; see `source:` in the robot file.", motor.position.len());
-            return Err(Error::file(path, message));
-        };
-        let angle = first.iter().zip(second).zip(third).map(|((&a, &b), &c)| Vector3::new(a, b, c)).collect();
-        let motion = Motion::new(MotorTrack { time_s: motor.time_s.clone(), angle }, motor.longest_joined_s())
+        let motion = Motion::new(recording.motor_track()?, recording.require_motor()?.longest_joined_s())
             .ok_or_else(|| Error::file(path, "the log has a single robot message; an estimate needs a motion."))?;
         let seen: Vec<(f64, &TipObservation)> = recording
             .require_tip()?

@@ -32,6 +32,7 @@ struct Sized {
 /// With a sentence, if an effect is unknown, not in the diagnosis, at no such joint, beyond what hardware can have, or belongs to the
 /// cameras; or if a file cannot be read or written.
 pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
+    let has_table = args.has_table()?;
     let output = args.output.as_deref().ok_or_else(|| Error::Argument("-o is missing: the robot file to write.".to_owned()))?;
     let before = Robot::read(args.robot()?)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
@@ -45,11 +46,9 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
         }
     }
     // What is written must be readable: the sentence about a number that is not comes from reading it.
-    Robot::parse(output, &robot.to_yaml())?;
-    if output.as_os_str() == "-" {
-        return cli::print(out, &robot.to_yaml()).map(|()| Outcome::Done);
-    }
-    robot.write(output)?;
+    let text = robot.to_yaml();
+    Robot::parse(output, &text)?;
+    crate::write(output, &text, out)?;
     let changes = before.changes_to(&robot);
     let listed = &robot.effects[before.effects.len()..];
     let report = {
@@ -58,7 +57,8 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
         let (changes, listed): (Vec<_>, Vec<_>) = (changes.iter().map(change).collect(), listed.iter().map(entry).collect());
         json!({"changes": changes, "effects": listed})
     };
-    cli::results(out, &table(&changes, listed), args.json.as_deref(), &report)?;
+    let table = if has_table { table(&changes, listed) } else { String::new() };
+    cli::results(out, &table, args.json.as_deref(), &report)?;
     Ok(Outcome::Done)
 }
 
@@ -95,7 +95,8 @@ fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robo
             std: variance.sqrt(),
             prior,
             prior_std: prior_variance.sqrt(),
-            identified: true,
+            // An effect that was measured has a deviation; its shapes may be as usual.
+            identified: stds.iter().any(|&std| std > 0.0),
             method: format!("effect {}", name(sited, robot)),
             logs: Vec::new(),
             sha256: Vec::new(),

@@ -10,7 +10,8 @@
 //!                                                                 Born 2004, section 6)
 //! ```
 //!
-//! Few blocks may show too little noise by chance, so the sandwich over single residuals bounds it from below.
+//! Few blocks may show too little noise by chance, so the sandwich over single residuals bounds it from below; one block shows none, and
+//! that sandwich is all there is.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -81,6 +82,9 @@ impl Curvature {
         let singly = &inverse * self.single.select_rows(free).select_columns(free) * &inverse;
         let prior = &inverse * &inverse;
         let moved = &inverse * self.information.select_rows(free).select_columns(held);
+        if self.blocks.len() < 2 {
+            return singly + prior + &moved * moved.transpose();
+        }
         // Where blocks scatter less than single residuals, by chance, they are raised to these.
         let raise = DVector::from_fn(n, |k, _| (singly[(k, k)] / by_blocks[(k, k)]).max(1.0).sqrt());
         let raised = DMatrix::from_fn(n, n, |k, l| raise[k] * raise[l] * by_blocks[(k, l)]);

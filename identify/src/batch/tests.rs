@@ -110,15 +110,18 @@ fn claimed_deviations_hold_with_false_blobs() {
 
 #[test]
 fn what_the_data_do_not_determine_goes_back_to_its_prior() {
-    let mut random = ChaCha8Rng::seed_from_u64(3);
-    let mut line = Line::exact(&[1.0, -1.0, 2.0], 40 * PER_BLOCK);
-    white(&mut random, &mut line.observed);
-    line.slopes.iter_mut().for_each(|m| m.column_mut(2).scale_mut(1e-3));
-    let held = estimate(&line, &[true; 3], &DVector::zeros(3)).unwrap();
-    assert_eq!((held.z[2], held.identified.as_slice()), (0.0, [true, true, false].as_slice()));
-    assert!(held.std[2] > IDENTIFIED_BELOW);
-    let kept = estimate(&line, &[true, true, false], &DVector::zeros(3)).unwrap();
-    assert!(kept.z[2] != 0.0 && !kept.identified[2]);
+    // One block has nothing to scatter about.
+    for blocks in [40, 1] {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut line = Line::exact(&[1.0, -1.0, 2.0], blocks * PER_BLOCK);
+        white(&mut random, &mut line.observed);
+        line.slopes.iter_mut().for_each(|m| m.column_mut(2).scale_mut(1e-3));
+        let held = estimate(&line, &[true; 3], &DVector::zeros(3)).unwrap();
+        assert_eq!((held.z[2], held.identified.as_slice()), (0.0, [true, true, false].as_slice()));
+        assert!(held.std[2] > IDENTIFIED_BELOW && held.std.iter().all(|std| std.is_finite()));
+        let kept = estimate(&line, &[true, true, false], &DVector::zeros(3)).unwrap();
+        assert!(kept.z[2] != 0.0 && !kept.identified[2]);
+    }
 }
 
 #[test]

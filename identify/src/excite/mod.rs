@@ -17,7 +17,7 @@ use raven::camera::Quality;
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
 use raven::simulation::CYCLE_S;
-use raven::{Error, Result, files};
+use raven::{Error, Result};
 use rayon::prelude::*;
 
 use crate::args::Excite;
@@ -57,7 +57,10 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     let proposal = lab.proposal(args.duration);
     let text = proposal.and_then(|proposal| {
         if let Some(path) = &args.output {
-            files::write_atomic(path, csv(&robot, &proposal.plan).as_bytes())?;
+            crate::write(path, &csv(&robot, &proposal.plan), out)?;
+            if path.as_os_str() == raven::cli::STANDARD_OUTPUT {
+                return Ok(String::new());
+            }
         }
         if args.table { table::table(&lab, &proposal, args.duration) } else { lab.report(&proposal, args.duration) }
     });

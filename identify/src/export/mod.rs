@@ -38,9 +38,9 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
             r2params::merge(base, &files::read_text(base)?, &calibration)?
         }
         Format::Defines => defines::header(&calibration),
-        Format::Rosparam => rosparam::yaml(&robot, &calibration),
+        Format::Rosparam => rosparam::yaml(&args.identified, &robot, &calibration)?,
     };
-    if args.output.as_os_str() == "-" {
+    if args.output.as_os_str() == cli::STANDARD_OUTPUT {
         cli::print(out, &text)?;
     } else {
         write_keeping_old(&args.output, &text)?;

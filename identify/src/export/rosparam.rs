@@ -1,20 +1,34 @@
 //! All calibrated numbers for the ROS parameter server, SI units, under `/raven_calibration/ARM`.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use raven::files::{yaml_float, yaml_list, yaml_string};
 use raven::robot::Robot;
+use raven::{Error, Result};
 
 use super::calibration::Calibration;
 
-/// The text of the file: what `rosparam load` takes.
-#[must_use]
-pub fn yaml(robot: &Robot, calibration: &Calibration) -> String {
+/// What stands beside the joints under an arm's name.
+const BESIDE_JOINTS: [&str; 5] = ["robot", "cable_coupling", "camera_latency", "identified", "logs"];
+
+/// The text of the file: what `rosparam load` takes. The robot was read from `path`.
+///
+/// # Errors
+/// If a joint is named as one of the other keys.
+pub fn yaml(path: &Path, robot: &Robot, calibration: &Calibration) -> Result<String> {
+    if let Some(joint) = robot.joints.iter().find(|joint| BESIDE_JOINTS.contains(&joint.name.as_str())) {
+        let others = BESIDE_JOINTS.join(", ");
+        return Err(Error::file(
+            path,
+            format!("joints has the name `{}`, and --format rosparam has {others} of its own; rename it.", joint.name),
+        ));
+    }
     let after = &calibration.after;
     let mut text = format!("# Calibrated Raven-II, {} arm: SI units, motor angles per joint motion.\n", after.arm_name());
     let _ = writeln!(text, "raven_calibration:\n  {}:\n    robot: {}", after.arm_name(), yaml_string(&robot.name));
     for (j, joint) in robot.joints.iter().take(3).enumerate() {
-        let _ = writeln!(text, "    {}:", joint.name);
+        let _ = writeln!(text, "    {}:", yaml_string(&joint.name));
         let mut key = |name: &str, value: f64| {
             let _ = writeln!(text, "      {name}: {}", yaml_float(value));
         };
@@ -36,11 +50,11 @@ pub fn yaml(robot: &Robot, calibration: &Calibration) -> String {
     let _ = writeln!(text, "    camera_latency: {}", yaml_float(robot.observation.latency));
     text.push_str("    identified:  # value and standard deviation\n");
     for entry in &calibration.identified {
-        let _ = writeln!(text, "      {}: {}", entry.parameter, yaml_list(&[entry.value, entry.std]));
+        let _ = writeln!(text, "      {}: {}", yaml_string(&entry.parameter), yaml_list(&[entry.value, entry.std]));
     }
     text.push_str("    logs:\n");
     for (name, sha256) in calibration.logs() {
         let _ = writeln!(text, "      - {{name: {}, sha256: {}}}", yaml_string(name), yaml_string(sha256));
     }
-    text
+    Ok(text)
 }

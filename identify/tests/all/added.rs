@@ -111,13 +111,23 @@ fn a_number_beyond_the_file_is_a_sentence_and_no_file() {
     assert!(!folder.path("new.yaml").exists());
 }
 
-/// An exported file carries the number that was diagnosed, and says that the list stays behind.
+/// An exported file carries the numbers that were diagnosed, and says that the list stays behind.
 #[test]
-fn an_added_radius_is_exported() {
+fn what_a_report_measured_is_exported_and_what_was_typed_is_not() {
     let folder = Folder::new();
-    let typed = "--add-effect pulley-radius:shoulder=-0.05 --add-effect missed-counts:elbow=1000,0.5 --robot {robot.yaml} -o {new.yaml}";
+    let export = || folder.identify("export {new.yaml} --format rosparam -o {rosparam.yaml}");
+    folder.report(&json!([
+        blamed("pulley-radius", Some("shoulder"), &[("relative_error", -0.05, 4e-4, "1")]),
+        // The shape of its loop is as usual.
+        blamed("hysteresis", Some("elbow"), &[("half_loop", 0.01, 1e-3, "rad")]),
+    ]));
+    let typed = "--add-effect pulley-radius --add-effect hysteresis --add-effect missed-counts:elbow=1000,0.5 --diagnosis {report.json} \
+                 --robot {robot.yaml} -o {new.yaml}";
     folder.identify(typed).unwrap();
-    folder.identify("export {new.yaml} --format rosparam -o {rosparam.yaml}").unwrap();
+    export().unwrap();
     let text = std::fs::read_to_string(Path::new(&folder.path("rosparam.yaml"))).unwrap();
     assert!(text.contains("link_pulley_radius: 0.05994"), "{text}");
+    folder.identify("--add-effect pulley-radius:shoulder=-0.05 --robot {robot.yaml} -o {new.yaml}").unwrap();
+    let error = export().unwrap_err();
+    assert!(error.contains("joints.shoulder.link_pulley_radius") && error.contains("was not identified"), "{error}");
 }

@@ -291,6 +291,21 @@ fn the_green_arm_has_its_own_names() {
 }
 
 #[test]
+fn names_that_yaml_reads_as_something_else_are_quoted() {
+    let named = |joint: &str, parameter: &str| {
+        let mut robot = nominal::gold();
+        robot.joints[0].name = joint.to_owned();
+        robot.cable_coupling.retain(|coupling| coupling.from != "shoulder");
+        change(&mut robot, parameter, &format!("joints.{joint}.link_pulley_radius"), 0.059);
+        Folder::new(&robot).export("rosparam", None, "neutral.yaml")
+    };
+    let text = named("on", "a: b").unwrap();
+    assert!(text.contains("\n    \"on\":\n") && text.contains("\n      \"a: b\": [0.059, "), "{text}");
+    let error = named("logs", "r_l1").unwrap_err();
+    assert!(error.contains("`logs`") && error.contains("identified.yaml"), "{error}");
+}
+
+#[test]
 fn what_the_hardware_cannot_be_is_refused() {
     let refused = |parameter: &str, key: &str, value: f64| {
         let mut robot = nominal::gold();

@@ -159,6 +159,19 @@ fn a_recording_becomes_a_table_a_result_and_a_robot_file() {
 }
 
 #[test]
+fn a_dash_is_standard_output_and_the_table_makes_way() {
+    let folder = Folder::new();
+    Script::good().write(&folder.path("log.mcap"));
+    let (_, text) = folder.run(&["log.mcap", "--robot", "robot.yaml", "-o", "-"]).unwrap();
+    assert_eq!(Robot::parse(Path::new("-"), &text).unwrap().calibration[0].parameter, "r_l1");
+    let error = folder.run(&["log.mcap", "--robot", "robot.yaml", "-o", "-", "--json", "-"]).unwrap_err();
+    assert!(error.contains("-o and --json are both `-`"), "{error}");
+    let added = ["--add-effect", "payload=0", "--robot", "robot.yaml", "-o", "-", "--json", "result.json"];
+    let (_, text) = folder.run(&added).unwrap();
+    assert!(Robot::parse(Path::new("-"), &text).is_ok() && folder.path("result.json").exists(), "{text}");
+}
+
+#[test]
 fn gaps_cost_the_sightings_next_to_them() {
     let folder = Folder::new();
     Script { robot: |t| !(5.0..6.5).contains(&t), ..Script::good() }.write(&folder.path("log.mcap"));
