@@ -5,6 +5,7 @@ use raven::robot::{Provenance, Robot};
 
 use crate::batch::Estimate;
 use crate::priors::Unknown;
+use crate::problem::Turned;
 use crate::session::Session;
 
 /// What was found out about one unknown, in SI units.
@@ -40,39 +41,45 @@ impl Finding {
     }
 }
 
-/// The robot file with the findings in it.
+/// The robot file with the findings in it, and friction the other way round where that was found.
 ///
 /// The logs were recorded while the controller set the encoders by the numbers of the file before. Where new numbers would make another
 /// motor angle of the hard stop, the old one is written down, so that the same logs read the same.
 ///
 /// # Errors
 /// If the robot is no arm.
-pub fn identified(robot: &Robot, findings: &[Finding], friction_holds: bool, method: &str, sessions: &[Session]) -> Result<Robot> {
+pub fn identified(robot: &Robot, findings: &[Finding], turned: &[Turned], method: &str, sessions: &[Session]) -> Result<Robot> {
     let mut new = robot.clone();
-    new.joints
-        .iter_mut()
-        .filter_map(|joint| joint.link_friction.as_mut())
-        .for_each(|friction| friction.held_part = f64::from(u8::from(friction_holds)));
-    for finding in findings {
-        if let Some(value) = new.value_mut(&finding.unknown.key) {
-            *value = finding.value;
+    let turned_key = |turned: &Turned| format!("joints.{}.link_friction.held_part", robot.joints[turned.joint].name);
+    let changes = findings.iter().map(|finding| (finding.unknown.key.clone(), finding.value));
+    for (key, value) in changes.chain(turned.iter().map(|turned| (turned_key(turned), turned.held_part))) {
+        if let Some(place) = new.value_mut(&key) {
+            *place = value;
         }
     }
     new.keep_encoders_of(robot)?;
-    let provenance = |finding: &Finding| Provenance {
-        parameter: finding.unknown.quantity.name(),
-        key: finding.unknown.key.clone(),
-        unit: finding.unknown.quantity.unit(robot).to_owned(),
-        value: finding.value,
-        std: finding.std,
-        prior: finding.unknown.prior,
-        prior_std: finding.unknown.prior_std(),
-        identified: finding.identified,
+    let provenance = |parameter: String, key: String, unit: &str, [value, std, prior, prior_std]: [f64; 4], identified: bool| Provenance {
+        parameter,
+        key,
+        unit: unit.to_owned(),
+        value,
+        std,
+        prior,
+        prior_std,
+        identified,
         method: method.to_owned(),
         logs: sessions.iter().map(|s| s.name.clone()).collect(),
         sha256: sessions.iter().map(|s| s.sha256.clone()).collect(),
     };
+    let of_finding = |Finding { unknown, value, std, identified }: &Finding| {
+        let numbers = [*value, *std, unknown.prior, unknown.prior_std()];
+        provenance(unknown.quantity.name(), unknown.key.clone(), unknown.quantity.unit(robot), numbers, *identified)
+    };
+    let of_turned = |turned: &Turned| {
+        let numbers = [turned.held_part, turned.std(), turned.before, turned.prior_std()];
+        provenance(format!("held_part_{}", turned.joint + 1), turned_key(turned), "1", numbers, true)
+    };
     // Newest first: undoing them in order ends at the oldest prior.
-    new.calibration.splice(0..0, findings.iter().map(provenance));
+    new.calibration.splice(0..0, findings.iter().map(of_finding).chain(turned.iter().map(of_turned)));
     Ok(new)
 }

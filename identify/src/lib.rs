@@ -89,7 +89,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     report.identifiability = Some(identifiability);
 
     if let Some(path) = &args.output {
-        let new = identified::identified(&robot, &findings, problem.friction_holds(), args.method.name(), &recordings.sessions)?;
+        let new = identified::identified(&robot, &findings, problem.turned(), args.method.name(), &recordings.sessions)?;
         write(path, &new.to_yaml(), out)?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {

@@ -90,7 +90,8 @@ impl Predictor {
             let lag = |(state, &time_s): (Option<LinkState>, &f64)| {
                 state.map_or_else(Vector3::zeros, |state| state.position - self.joints(driving, time_s))
             };
-            self.model.rollout(&track, times_s).into_iter().zip(times_s).map(lag).collect::<Vec<_>>()
+            let begins = track.time_s.first() == driving.track().time_s.first();
+            self.model.rollout_of_part(&track, times_s, begins).into_iter().zip(times_s).map(lag).collect::<Vec<_>>()
         };
         of_robot.par_chunks(PART).flat_map_iter(of_part).collect()
     }
@@ -134,6 +135,22 @@ mod tests {
             let rest = predictor.joints(&motion, time_s);
             assert!((state.unwrap().position - rest - lag).amax() < 1e-9, "at {time_s} s");
         }
+    }
+
+    #[test]
+    fn a_cable_is_fresh_as_the_recording_begins_and_not_as_a_part_of_it_does() {
+        let times_s: Vec<f64> = (0..1450).map(|i| 0.05 + f64::from(i) / 500.0).collect();
+        let lag = |fresh_part: f64| {
+            let mut robot = nominal::gold();
+            // Its stretch comes with a time constant of half a second.
+            robot.joints[2].cable = Some(raven::robot::Cable { fresh_part, ..raven::robot::Cable::new(9250.0, 4600.0) });
+            Predictor::new(&robot).unwrap().lag(&swing(), &times_s)
+        };
+        let (settled, fresh) = (lag(0.0), lag(1.0));
+        let apart_m: Vec<f64> = settled.iter().zip(&fresh).map(|(settled, fresh)| (settled[2] - fresh[2]).abs()).collect();
+        assert!(apart_m[0] > 1e-4, "{} m", apart_m[0]);
+        // The fifth rollout sets out 2 s before its first sighting, at 0.45 s.
+        assert_eq!(apart_m[1200..].iter().copied().fold(0.0, f64::max), 0.0);
     }
 
     #[test]

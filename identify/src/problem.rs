@@ -14,7 +14,7 @@
 //! of the whole motion say by how much. That lag hardly depends on radii, hard stops, couplings and registration: it is taken from the
 //! estimate at rest and kept. Only with a cable's damping among the unknowns does every prediction come from rollouts of its own.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::{DVector, Matrix3, Vector3};
@@ -23,7 +23,7 @@ use raven::robot::Robot;
 use raven::stats::chi_square_quantile;
 use rayon::prelude::*;
 
-use crate::batch::{self, Estimate, Jacobian, Residuals, central_difference, forward_difference};
+use crate::batch::{self, Estimate, IDENTIFIED_BELOW, Jacobian, Residuals, central_difference, forward_difference};
 use crate::misfit::{self, FALSE_CHANCE, Residual};
 use crate::motion::Motion;
 use crate::parameters::Quantity;
@@ -65,6 +65,34 @@ pub struct Problem<'a> {
     flaws: Vec<Flaw>,
     /// Columns of the Jacobian [m] that took rollouts, and where.
     rolled: Arc<Mutex<Rolled>>,
+    turned: Vec<Turned>,
+}
+
+/// A joint whose friction holds where its file has it give way, or the other way round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Turned {
+    /// Joint.
+    pub joint: usize,
+    /// `held_part` of the file.
+    pub before: f64,
+    /// The one found, the rest of 1.
+    pub held_part: f64,
+    /// Part of the deviation that the sightings left.
+    pub left: f64,
+}
+
+impl Turned {
+    /// Deviation of two values of which either is as likely.
+    #[must_use]
+    pub fn prior_std(&self) -> f64 {
+        0.5 * (self.held_part - self.before).abs()
+    }
+
+    /// Deviation by what the sightings say of them.
+    #[must_use]
+    pub fn std(&self) -> f64 {
+        self.left * self.prior_std()
+    }
 }
 
 /// Per sighting of all sessions, how far one prior deviation of a flaw of the cameras moves where the tip is seen, frame 0 [m].
@@ -101,8 +129,8 @@ impl<'a> Problem<'a> {
         for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        let (whiten, flaws, joints, rolled) = (Vec::new(), Vec::new(), Joints::AtRest, Arc::default());
-        let mut problem = Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten, joints, flaws, rolled };
+        let (whiten, flaws, joints, rolled, turned) = (Vec::new(), Vec::new(), Joints::AtRest, Arc::default(), Vec::new());
+        let mut problem = Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten, joints, flaws, rolled, turned };
         problem.weigh(&DVector::zeros(unknowns.len()))?;
         Ok(problem)
     }
@@ -164,30 +192,44 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the estimation does not settle.
     pub fn estimate(&mut self, may_hold: &[bool]) -> Result<Estimate> {
-        let of_reversals = |u: &Unknown| matches!(u.quantity, Quantity::Stiffness(_) | Quantity::Coulomb(_) | Quantity::Hysteresis(_));
         let mut z = self.fitted()?;
-        if self.unknowns.iter().any(of_reversals) {
-            // Whether friction holds or creeps shows at the same reversals, and nobody knows it beforehand: the likelier one is taken.
-            let mut other = self.clone();
-            other
-                .anchored
-                .joints
-                .iter_mut()
-                .filter_map(|joint| joint.link_friction.as_mut())
-                .for_each(|friction| friction.held_part = 1.0 - friction.held_part);
-            (other.joints, other.rolled) = (Joints::AtRest, Arc::default());
+        // Whether friction holds or creeps shows at the same reversals, and nobody knows it beforehand.
+        let mut other = self.turned_over();
+        if !other.turned.is_empty() {
             let at_other = other.fitted()?;
-            if other.likelihood(&at_other)? > self.likelihood(&z)? {
+            let chance = 1.0 / (1.0 + (self.likelihood(&z)? - other.likelihood(&at_other)?).exp());
+            let left = 2.0 * (chance * (1.0 - chance)).sqrt();
+            if chance > 0.5 && left <= IDENTIFIED_BELOW {
+                other.turned.iter_mut().for_each(|turned| turned.left = left);
                 (*self, z) = (other, at_other);
             }
         }
         batch::estimate(self, may_hold, &z)
     }
 
-    /// Whether the joints' friction holds, by the robot file or by what was found.
+    /// With friction the other way round at the joints whose reversals are looked at.
+    fn turned_over(&self) -> Self {
+        let of_reversals = |unknown: &Unknown| match unknown.quantity {
+            Quantity::Stiffness(j) | Quantity::Coulomb(j) | Quantity::Hysteresis(j) => Some(j),
+            _ => None,
+        };
+        let looked_at: BTreeSet<usize> = self.unknowns.iter().filter_map(of_reversals).collect();
+        let mut other = Self { joints: Joints::AtRest, rolled: Arc::default(), ..self.clone() };
+        for joint in looked_at {
+            let friction = other.anchored.joints.get_mut(joint).and_then(|joint| joint.link_friction.as_mut());
+            // What holds by half is no other way round.
+            let Some(friction) = friction.filter(|friction| friction.held_part != 0.5) else { continue };
+            let before = friction.held_part;
+            friction.held_part = 1.0 - before;
+            other.turned.push(Turned { joint, before, held_part: friction.held_part, left: 1.0 });
+        }
+        other
+    }
+
+    /// Joints whose friction was found to be the other way round.
     #[must_use]
-    pub fn friction_holds(&self) -> bool {
-        self.anchored.joints.iter().filter_map(|joint| joint.link_friction).any(|friction| friction.held_part > 0.0)
+    pub fn turned(&self) -> &[Turned] {
+        &self.turned
     }
 
     /// Logarithm of the sightings' likelihood, false ones cut off, up to a constant.

@@ -95,7 +95,7 @@ fn a_joint_that_did_not_move_keeps_its_numbers() {
     assert!(!first.identified && first.value == case.robot.joints[0].link_pulley_radius, "{first:?}");
     assert!(third.identified && (third.value - 1.003).abs() < 4.0 * third.std, "{third:?}");
 
-    let file = identified(&case.robot, &findings, false, "batch", &sessions).unwrap();
+    let file = identified(&case.robot, &findings, &[], "batch", &sessions).unwrap();
     assert_eq!(file.joints[0].motor_at_hard_stop, None);
     let nominal_motor = case.robot.arm().unwrap().transmission.motor_at_hard_stop[2];
     assert_eq!(file.joints[2].motor_at_hard_stop, Some(nominal_motor));
@@ -114,9 +114,56 @@ fn identifying_again_keeps_the_way_back() {
         let unknowns = priors::unknowns(&robot, &Selection::default(), &Quality::default()).unwrap();
         let again = Case { robot: robot.clone(), unknowns };
         let findings = Finding::all(&again.unknowns, &again.estimate(&sessions));
-        robot = identified(&robot, &findings, false, "batch", &sessions).unwrap();
+        robot = identified(&robot, &findings, &[], "batch", &sessions).unwrap();
         let found = robot.joints[0].link_pulley_radius;
         assert!((found - 0.0598).abs() < 5e-5, "{found}");
     }
     assert_eq!(robot.before_calibration(), case.robot);
+}
+
+/// Behind cables soft enough for it, reversals tell whether friction holds: at the joint that was asked about, and with a way back.
+#[test]
+fn friction_that_holds_is_written_where_it_was_found() {
+    let mut case = Case::new(&["k_e2", "F_c2"]);
+    case.robot.joints[1].cable.as_mut().unwrap().stiffness = 9000.0;
+    case.robot.joints[2].link_friction.as_mut().unwrap().held_part = 0.6;
+    case.unknowns =
+        priors::unknowns(&case.robot, &Selection::named(&["k_e2".to_owned(), "F_c2".to_owned()]).unwrap(), &Quality::default()).unwrap();
+    for held_part in [0.0, 1.0] {
+        let mut truth = case.robot.clone();
+        truth.joints[1].link_friction.as_mut().unwrap().held_part = held_part;
+        let motors = motion(40.0, MIDDLE, WIDE);
+        let driving = motors.with_track(truth.arm().unwrap().driving(motors.track()).into_owned());
+        let seen = session(&truth, &driving, &mut ChaCha8Rng::seed_from_u64(3), 0.0);
+        let sessions = [Session { motion: motors, ..seen }];
+        let mut problem = Problem::new(&case.robot, &case.unknowns, &sessions).unwrap();
+        let may_hold: Vec<bool> = case.unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
+        let findings = Finding::all(&case.unknowns, &problem.estimate(&may_hold).unwrap());
+        let file = identified(&case.robot, &findings, problem.turned(), "batch", &sessions).unwrap();
+        let held_parts = file.joints.iter().map(|joint| joint.link_friction.unwrap().held_part).collect::<Vec<_>>();
+        assert_eq!(held_parts, [0.0, held_part, 0.6]);
+        let line = file.calibration.iter().find(|line| line.key.ends_with("held_part"));
+        assert_eq!(
+            line.map(|line| (line.parameter.as_str(), line.value, line.prior)),
+            (held_part > 0.0).then_some(("held_part_2", 1.0, 0.0))
+        );
+        assert!(line.is_none_or(|line| line.identified && line.std <= 0.5 * line.prior_std));
+        assert_eq!(file.before_calibration(), case.robot);
+    }
+}
+
+/// What holds by half is the same the other way round.
+#[test]
+fn friction_that_nobody_asked_about_or_that_holds_by_half_stays() {
+    for names in [["latency"], ["F_c2"]] {
+        let mut case = Case::new(&names);
+        case.robot.joints[1].link_friction.as_mut().unwrap().held_part = 0.5;
+        let sessions = [session(&case.robot, &motion(20.0, MIDDLE, WIDE), &mut ChaCha8Rng::seed_from_u64(3), 0.0)];
+        let mut problem = Problem::new(&case.robot, &case.unknowns, &sessions).unwrap();
+        let may_hold: Vec<bool> = case.unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
+        let findings = Finding::all(&case.unknowns, &problem.estimate(&may_hold).unwrap());
+        let file = identified(&case.robot, &findings, problem.turned(), "batch", &sessions).unwrap();
+        let held_parts = file.joints.iter().map(|joint| joint.link_friction.unwrap().held_part).collect::<Vec<_>>();
+        assert_eq!(held_parts, [0.0, 0.5, 0.0]);
+    }
 }

@@ -107,23 +107,29 @@ impl LinkModel {
     /// They start at rest as the file has them, and after each pause where the cables hold them.
     #[must_use]
     pub fn rollout(&self, driving: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
-        self.rolled(driving, times_s, false)
+        self.rolled(driving, times_s, false, true)
+    }
+
+    /// As [`Self::rollout`] over a part of a recording: only one that `begins` it starts as the file has it.
+    #[must_use]
+    pub fn rollout_of_part(&self, driving: &MotorTrack, times_s: &[f64], begins: bool) -> Vec<Option<LinkState>> {
+        self.rolled(driving, times_s, false, begins)
     }
 
     /// As [`Self::rollout`], with motors as they wind the cables: friction that holds grips the joints, at first where the file has it.
     #[must_use]
     pub fn rollout_gripped(&self, winding: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
-        self.rolled(winding, times_s, has_play(self.arm()))
+        self.rolled(winding, times_s, has_play(self.arm()), true)
     }
 
-    fn rolled(&self, motor: &MotorTrack, times_s: &[f64], gripped: bool) -> Vec<Option<LinkState>> {
+    fn rolled(&self, motor: &MotorTrack, times_s: &[f64], gripped: bool, begins: bool) -> Vec<Option<LinkState>> {
         let mut now: Option<(f64, LinkState)> = None;
         let state_at = |&time_s: &f64| {
             let interval = motor.interval(time_s)?;
             let carried = now.and_then(|(at, state)| self.follow(state, motor, at, time_s));
             let state = carried.or_else(|| {
                 let start = motor.segment_start(interval);
-                let resting = self.resting(&motor.angle[start], start == 0, gripped);
+                let resting = self.resting(&motor.angle[start], begins && start == 0, gripped);
                 self.follow(resting, motor, motor.time_s[start], time_s)
             })?;
             now = Some((time_s, state));
