@@ -19,6 +19,15 @@ pub struct Link {
     pub inertia: [f64; 6],
 }
 
+impl Link {
+    /// Its inertia as a matrix [kg m^2].
+    #[must_use]
+    pub fn inertia_matrix(&self) -> Matrix3<f64> {
+        let [xx, yy, zz, xy, xz, yz] = self.inertia;
+        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+    }
+}
+
 /// Dynamics of the first three links.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkDynamics {
@@ -47,10 +56,7 @@ impl LinkDynamics {
     #[must_use]
     pub fn new(kinematics: Kinematics, links: [Link; 3], gravity: Vector3<f64>) -> Self {
         let center = links.map(|l| Vector3::from(l.center_of_mass));
-        let inertia = links.map(|l| {
-            let [xx, yy, zz, xy, xz, yz] = l.inertia;
-            Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-        });
+        let inertia = links.map(|l| l.inertia_matrix());
         let [twist_1, twist_2, _] = kinematics.twists();
         let fixed = FixedParts {
             twists: [twist_1.sin_cos(), twist_2.sin_cos()],

@@ -268,6 +268,29 @@ mod defaults {
 }
 
 impl Tolerances {
+    /// Their keys, values and units, in the file's order.
+    pub(super) fn numbers(&self) -> [(&'static str, f64, &'static str); 17] {
+        [
+            ("radius", self.radius, "1"),
+            ("hard_stop", self.hard_stop, "rad"),
+            ("cable_coupling", self.cable_coupling, "rad/rad"),
+            ("stiffness", self.stiffness, "1"),
+            ("damping", self.damping, "1"),
+            ("motor_inertia", self.motor_inertia, "1"),
+            ("motor_friction", self.motor_friction, "1"),
+            ("link_friction", self.link_friction, "1"),
+            ("link_inertia", self.link_inertia, "1"),
+            ("torque_gain", self.torque_gain, "1"),
+            ("link_angle_rad", self.link_angle_rad, "rad"),
+            ("tool_length_m", self.tool_length_m, "m"),
+            ("camera_rotation_rad", self.camera_rotation_rad, "rad"),
+            ("camera_translation_m", self.camera_translation_m, "m"),
+            ("stereo_scale", self.stereo_scale, "1"),
+            ("latency_s", self.latency_s, "s"),
+            ("clock_drift", self.clock_drift, "1"),
+        ]
+    }
+
     /// One sigma of a joint's hard stop [rad or m]: 0.0009 rad goes with 0.0003 m.
     #[must_use]
     pub fn hard_stop_of(&self, kind: JointType) -> f64 {
@@ -348,9 +371,22 @@ impl Robot {
             return Err("joints is empty; name at least one.".to_owned());
         }
         let arm = matches!(self.kinematics, KinematicsKind::Raven(_));
-        for joint in &self.joints {
+        for (j, joint) in self.joints.iter().enumerate() {
+            if self.joints[..j].iter().any(|other| other.name == joint.name) {
+                return Err(format!("joints has the name `{}` twice; every key goes by it, so give each joint its own.", joint.name));
+            }
             check_joint(joint, arm)?;
         }
+        for Coupling { from, to, coefficient } in &self.cable_coupling {
+            within(&format!("cable_coupling.{from}.{to}"), *coefficient, [-10.0, 10.0], "rad/rad or m/rad", "millimetres")?;
+        }
+        if let Some(encoder) = self.encoder {
+            within("encoder.counts_per_revolution", encoder.counts_per_revolution, [1.0, 1e9], "counts", "another unit")?;
+        }
+        for (key, value, unit) in self.tolerances.numbers() {
+            within(&format!("tolerances.{key}"), value, [1e-9, 10.0], unit, "percent or another unit")?;
+        }
+        self.observation.check()?;
         if let KinematicsKind::Raven(kinematics) = &self.kinematics {
             for (key, angle) in [("link_angle_12", kinematics.link_angle_12), ("link_angle_23", kinematics.link_angle_23)] {
                 within(&format!("kinematics.{key}"), angle, [0.05, 3.1], "rad", "degrees")?;
@@ -366,14 +402,31 @@ impl Robot {
         within("payload", self.payload, [0.0, 100.0], "kg", "grams")?;
         for (i, link) in self.links.iter().enumerate() {
             within(&format!("links[{i}].mass"), link.mass, [1e-6, 100.0], "kg", "grams")?;
-            if !link.center_of_mass.iter().chain(&link.inertia).all(|v| v.is_finite()) {
-                return Err(format!("links[{i}] has a number that is not finite."));
+            for center in link.center_of_mass {
+                within(&format!("links[{i}].center_of_mass"), center, [-10.0, 10.0], "m", "millimetres")?;
             }
-            if link.inertia[..3].iter().any(|&v| v <= 0.0) {
-                return Err(format!("links[{i}].inertia has a moment that is not positive; they are about the centre of mass."));
+            if !link.inertia.iter().all(|v| v.is_finite()) || link.inertia_matrix().cholesky().is_none() {
+                let inertia = link.inertia;
+                return Err(format!(
+                    "links[{i}].inertia is {inertia:?}, which no body has; expected a positive definite [xx, yy, zz, xy, xz, yz] about the \
+                     centre of mass."
+                ));
             }
         }
         crate::effects::check_listed(self)
+    }
+}
+
+impl Observation {
+    fn check(&self) -> Result<(), String> {
+        within("observation.latency", self.latency, [-10.0, 10.0], "s", "milliseconds")?;
+        for angle in self.rotation {
+            within("observation.rotation", angle, [-4.0, 4.0], "rad", "degrees")?;
+        }
+        for distance in self.translation {
+            within("observation.translation", distance, [-10.0, 10.0], "m", "millimetres")?;
+        }
+        Ok(())
     }
 }
 
@@ -390,6 +443,9 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
         JointType::Prismatic => (2.0, "m", "millimetres"),
     };
     within(&key("hard_stop"), joint.hard_stop, [-position_max, position_max], unit, meant)?;
+    if let Some(angle) = joint.motor_at_hard_stop {
+        within(&key("motor_at_hard_stop"), angle, [-1e9, 1e9], "rad", "another unit")?;
+    }
     if let Some(limits) = joint.limits {
         for limit in limits {
             within(&key("limits"), limit, [-position_max, position_max], unit, meant)?;
@@ -420,6 +476,9 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
         within(&key("link_friction.per_load"), friction.per_load, [0.0, 2.0], "1", "percent")?;
         within(&key("link_friction.held_part"), friction.held_part, [0.0, 1.0], "1", "percent")?;
         within(&key("link_friction.lag_at_start"), friction.lag_at_start, [-1.0, 1.0], "1", "percent")?;
+        if let Some(speed) = friction.stiction_speed {
+            within(&key("link_friction.stiction_speed"), speed, [1e-9, 1e6], "rad/s or m/s", "another unit")?;
+        }
     }
     Ok(())
 }

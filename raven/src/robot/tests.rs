@@ -214,6 +214,49 @@ fn a_wrong_unit_or_key_is_named() {
     assert!(!key.contains('\n'), "{key}");
 }
 
+#[test]
+fn a_number_that_no_robot_has_is_named() {
+    let path = std::path::Path::new("robot.yaml");
+    let refused = |old: &str, new: &str, about: &str| {
+        let good = nominal().to_yaml();
+        assert!(good.contains(old), "{old}");
+        let error = Robot::parse(path, &good.replacen(old, new, 1)).expect_err(new).to_string();
+        assert!(error.starts_with("robot.yaml: ") && error.contains(about), "{error}");
+    };
+    refused("coefficient: 0.14545", "coefficient: .nan", "cable_coupling.shoulder.elbow is NaN, expected -10 to 10");
+    for (value, shown) in [("0.0", "0"), ("-0.001", "-0.001"), (".nan", "NaN")] {
+        let shown = format!("stiction_speed is {shown}, expected");
+        refused(
+            "viscous: 0.00505",
+            &format!("viscous: 0.00505, stiction_speed: {value}"),
+            &format!("joints.shoulder.link_friction.{shown}"),
+        );
+    }
+    refused("    hard_stop: 0.0", "    motor_at_hard_stop: .inf\n    hard_stop: 0.0", "joints.shoulder.motor_at_hard_stop is inf");
+    for value in ["0.0", "-4000.0", ".nan"] {
+        refused("revolution: 4000.0", &format!("revolution: {value}"), "encoder.counts_per_revolution is ");
+    }
+    for key in ["latency: .nan", "rotation: [0.0, 57.0, 0.0]", "translation: [0.0, 0.0, .inf]"] {
+        let field = format!("observation.{} is ", key.split(':').next().unwrap());
+        refused("tolerances:", &format!("observation: {{{key}}}\ntolerances:"), &field);
+    }
+    for (key, value, _) in nominal().tolerances.numbers() {
+        for wrong in ["0.0", "-0.1", ".nan"] {
+            refused(
+                &format!("\n  {key}: {}", crate::files::yaml_float(value)),
+                &format!("\n  {key}: {wrong}"),
+                &format!("tolerances.{key} is "),
+            );
+        }
+    }
+    let inertia = "inertia: [0.004649472, 0.008798247, 0.012981742, 0.000299691, -0.000027919, -0.000346185]";
+    for wrong in ["[0.001, 0.001, 0.001, 0.005, 0.0, 0.0]", "[0.0, 0.001, 0.001, 0.0, 0.0, 0.0]", "[.nan, 0.001, 0.001, 0.0, 0.0, 0.0]"] {
+        refused(inertia, &format!("inertia: {wrong}"), "links[0].inertia is [");
+    }
+    refused("center_of_mass: [0.00718", "center_of_mass: [.nan", "links[0].center_of_mass is NaN");
+    refused("name: elbow", "name: shoulder", "the name `shoulder` twice");
+}
+
 proptest! {
     #[test]
     fn mass_matrix_and_gravity_are_what_the_recursion_says(

@@ -90,27 +90,8 @@ impl Robot {
     }
 
     fn tolerances_yaml(&self) -> String {
-        let t = &self.tolerances;
         let mut text = String::from("tolerances:");
-        for (key, value) in [
-            ("radius", t.radius),
-            ("hard_stop", t.hard_stop),
-            ("cable_coupling", t.cable_coupling),
-            ("stiffness", t.stiffness),
-            ("damping", t.damping),
-            ("motor_inertia", t.motor_inertia),
-            ("motor_friction", t.motor_friction),
-            ("link_friction", t.link_friction),
-            ("link_inertia", t.link_inertia),
-            ("torque_gain", t.torque_gain),
-            ("link_angle_rad", t.link_angle_rad),
-            ("tool_length_m", t.tool_length_m),
-            ("camera_rotation_rad", t.camera_rotation_rad),
-            ("camera_translation_m", t.camera_translation_m),
-            ("stereo_scale", t.stereo_scale),
-            ("latency_s", t.latency_s),
-            ("clock_drift", t.clock_drift),
-        ] {
+        for (key, value, _) in self.tolerances.numbers() {
             let _ = write!(text, "\n  {key}: {}", yaml_float(value));
         }
         text
