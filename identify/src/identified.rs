@@ -26,8 +26,11 @@ impl Finding {
     #[must_use]
     pub fn all(unknowns: &[Unknown], estimate: &Estimate) -> Vec<Self> {
         let find = |(k, unknown): (usize, &Unknown)| {
-            let value = unknown.value(estimate.z[k]);
-            Self { value, std: unknown.std(value, estimate.std[k]), identified: estimate.identified[k], unknown: unknown.clone() }
+            let identified = estimate.identified[k];
+            let found = unknown.value(estimate.z[k]);
+            // A filter moves what its data hardly tell, too.
+            let value = if identified || unknown.quantity.is_registration() { found } else { unknown.prior };
+            Self { value, std: unknown.std(value, estimate.std[k]), identified, unknown: unknown.clone() }
         };
         unknowns.iter().enumerate().map(find).collect()
     }
@@ -82,4 +85,35 @@ pub fn identified(robot: &Robot, findings: &[Finding], turned: &[Turned], method
     // Newest first: undoing them in order ends at the oldest prior.
     new.calibration.splice(0..0, findings.iter().map(of_finding).chain(turned.iter().map(of_turned)));
     Ok(new)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+    use raven::camera::Quality;
+    use raven::robot::nominal;
+
+    use super::*;
+    use crate::parameters::Selection;
+    use crate::priors;
+
+    #[test]
+    fn what_the_logs_do_not_tell_stays_as_it_was() {
+        let robot = nominal::gold();
+        let unknowns = priors::unknowns(&robot, &Selection::default(), &Quality::default()).unwrap();
+        let n = unknowns.len();
+        let estimate = |is_identified: bool| Estimate {
+            z: DVector::from_element(n, 0.5),
+            std: vec![0.9; n],
+            covariance: DMatrix::identity(n, n),
+            identified: vec![is_identified; n],
+            residuals: Vec::new(),
+            scale: 1.0,
+            tempering: 1.0,
+        };
+        for finding in Finding::all(&unknowns, &estimate(false)) {
+            assert_eq!(finding.value == finding.unknown.prior, !finding.unknown.quantity.is_registration(), "{}", finding.unknown.key);
+        }
+        assert!(Finding::all(&unknowns, &estimate(true)).iter().all(|finding| finding.value != finding.unknown.prior));
+    }
 }
