@@ -45,6 +45,7 @@ pub enum Command {
 
 /// Arguments of a proposal.
 #[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example:\n  raven-identify excite --robot robot.yaml -o motion.csv")]
 pub struct Excite {
     /// Robot file.
     #[arg(long, value_name = "FILE")]
@@ -65,6 +66,7 @@ pub struct Excite {
 
 /// Arguments of an export.
 #[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example:\n  raven-identify export identified.yaml --format defines -o defines_calibrated.h")]
 pub struct Export {
     /// Robot file that raven-identify wrote.
     #[arg(value_name = "IDENTIFIED")]

@@ -28,10 +28,8 @@ use crate::{FilterKind, Occlusion};
 use parameters::Parameters;
 
 /// Repeats the founding paper's experiments A to D.
-///
-///   raven-replay paper paper/ --seed 7
 #[derive(Debug, clap::Args)]
-#[command(verbatim_doc_comment)]
+#[command(after_help = "Example:\n  raven-replay paper paper/ --seed 7")]
 pub struct Args {
     /// Folder for logs, tables and figures; made if it is not there.
     folder: PathBuf,
