@@ -5,13 +5,12 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use raven::log::ros1::{Definition, Extractor};
+use raven::log::ros1::{Definition, Extractor, HEADER_STAMPS, header_stamp};
 use raven::log::{ChannelId, LogWriter, SchemaRef, Stamp, Times};
 use raven::{Error, Result};
 
 use super::Imported;
 use super::bag::{BagFault, Entry, read_magic, read_record};
-use crate::record::topic::HEADER_STAMPS;
 
 /// What stops an import: the bag, which leaves what was read before, or the recording.
 enum Stop {
@@ -67,7 +66,7 @@ pub fn import(path: &Path, rename: &[(String, String)], output: &Path) -> Result
                 Some(Connection { channel, stamps }) => {
                     let arrived = Stamp::from_ros(seconds, nanoseconds);
                     let measured = match stamps.as_ref().map(|stamps| stamps.walk(&data)) {
-                        Some(Ok([header, hdr])) => header.or(hdr).and_then(|value| value.stamp()).filter(|stamp| stamp.0 > 0),
+                        Some(Ok(stamps)) => header_stamp(stamps),
                         _ => None,
                     };
                     log.write(*channel, Times { measured: measured.unwrap_or(arrived), arrived }, 0, &data)?;

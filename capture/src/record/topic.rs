@@ -4,15 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
 use raven::Result;
-use raven::log::ros1::{Definition, Extractor};
+use raven::log::ros1::{Definition, Extractor, HEADER_STAMPS, header_stamp};
 use raven::log::{LogWriter, SchemaRef, Times};
 
 use super::source::{Counters, Feed, Sample};
 use crate::clock::SessionClock;
 use crate::ros1::{Connection, Fault, Listener, Message, Receiver};
-
-/// Where messages have their header; the robot's own calls it `hdr`.
-pub(crate) const HEADER_STAMPS: [&str; 2] = ["header.stamp", "hdr.stamp"];
 
 /// A publisher that always finds something new to complain of is not listened to for ever.
 const SENTENCES: usize = 50;
@@ -85,7 +82,7 @@ impl Listener for Shared {
         Box::new(move |message: Message| {
             let arrived = source.clock.stamp(message.arrival.monotonic_ns);
             let measured = match extractor.as_ref().map(|extractor| extractor.walk(&message.data)) {
-                Some(Ok([header, hdr])) => header.or(hdr).and_then(|value| value.stamp()).filter(|stamp| stamp.0 > 0),
+                Some(Ok(stamps)) => header_stamp(stamps),
                 Some(Err(_)) => {
                     source.counters.misfit();
                     None

@@ -1,11 +1,8 @@
 //! The stamp of any message, and what both encodings need to get at fields.
 
 use super::protobuf;
-use super::ros1::{Definition, Extractor};
+use super::ros1::{Definition, Extractor, HEADER_STAMPS, header_stamp};
 use super::{Channel, Stamp};
-
-/// Where messages have their header: the robot's own message calls it `hdr`.
-pub(super) const HEADER_STAMPS: [&str; 2] = ["header.stamp", "hdr.stamp"];
 
 /// Finds the stamp of the messages of one channel.
 pub(super) enum StampReader {
@@ -30,10 +27,7 @@ impl StampReader {
     /// The stamp; `None` if it is absent, unset, or the message does not fit its definition.
     pub(super) fn read(&self, message: &[u8]) -> Option<Stamp> {
         match self {
-            Self::Ros1(extractor) => {
-                let [header, hdr] = extractor.walk(message).ok()?;
-                header.or(hdr)?.stamp().filter(|stamp| stamp.0 > 0)
-            }
+            Self::Ros1(extractor) => header_stamp(extractor.walk(message).ok()?),
             Self::Protobuf(tag) => protobuf::find_stamp(message, *tag),
             Self::Absent => None,
         }

@@ -4,7 +4,7 @@ use foxglove::messages::JointStates;
 use prost::Message;
 
 use super::header::{ros1_extractor, schema_name, unreadable};
-use super::ros1::Extractor;
+use super::ros1::{Extractor, HEADER_STAMPS, header_stamp};
 use super::{Channel, Stamp, protobuf};
 
 /// One message, in buffers that are used again for the next.
@@ -28,7 +28,8 @@ impl JointDecoder {
     pub(super) fn new(channel: &Channel) -> Result<Self, String> {
         match (channel.message_encoding.as_str(), schema_name(channel)) {
             ("ros1", _) => {
-                let extractor = ros1_extractor(channel, &["header.stamp", "hdr.stamp", "name", "position", "effort"])?;
+                let [header, hdr] = HEADER_STAMPS;
+                let extractor = ros1_extractor(channel, &[header, hdr, "name", "position", "effort"])?;
                 if extractor.has(3) { Ok(Self::Ros1(extractor)) } else { Err("its messages have no field `position`".to_owned()) }
             }
             ("protobuf", "foxglove.JointStates") => Ok(Self::Protobuf),
@@ -44,7 +45,7 @@ impl JointDecoder {
         match self {
             Self::Ros1(extractor) => {
                 let [header, hdr, names, position, effort] = extractor.walk(message).ok()?;
-                sample.stamp = header.or(hdr).and_then(|value| value.stamp()).filter(|stamp| stamp.0 > 0);
+                sample.stamp = header_stamp([header, hdr]);
                 sample.names.extend(names.into_iter().flat_map(|names| names.texts().map(String::from).collect::<Vec<_>>()));
                 for (value, numbers) in [(position, &mut sample.position), (effort, &mut sample.effort)] {
                     for i in 0..value.map_or(0, |value| value.len()) {

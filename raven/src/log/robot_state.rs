@@ -5,7 +5,7 @@
 //! `ce9e7f4969049d8bb365de3c98461a01`.
 
 use super::header::ros1_extractor;
-use super::ros1::Extractor;
+use super::ros1::{Extractor, HEADER_STAMPS, header_stamp};
 use super::{Channel, Stamp};
 use crate::robot::ArmSide;
 
@@ -172,7 +172,8 @@ impl StateDecoder {
         if channel.message_encoding != "ros1" {
             return Err(format!("its messages are encoded as `{}`; the robot's own message is read in `ros1`", channel.message_encoding));
         }
-        let extractor = ros1_extractor(channel, &["header.stamp", "hdr.stamp", "mpos", "tau", "jpos", "encVals", "dac_val"])?;
+        let [header, hdr] = HEADER_STAMPS;
+        let extractor = ros1_extractor(channel, &[header, hdr, "mpos", "tau", "jpos", "encVals", "dac_val"])?;
         if !extractor.has(2) {
             return Err("its messages have no field `mpos`; `source.format` in the robot file may be wrong".to_owned());
         }
@@ -188,7 +189,7 @@ impl StateDecoder {
         let integer = |value: super::ros1::Value<'_>, joint| i32::try_from(value.integer(self.offset + joint)?).ok();
         let three_integers = |value| Some([integer(value, 0)?, integer(value, 1)?, integer(value, 2)?]);
         Some(MotorSample {
-            stamp: header.or(hdr).and_then(|value| value.stamp()).filter(|stamp| stamp.0 > 0),
+            stamp: header_stamp([header, hdr]),
             motor: three(mpos?)?.map(f64::to_radians),
             torque: tau.and_then(three),
             controller: jpos.and_then(three).map(|angles| angles.map(f64::to_radians)),

@@ -6,6 +6,16 @@
 use super::definition::{Count, Definition, Kind, Primitive};
 use crate::log::Stamp;
 
+/// Where messages have their header: the robot's own message calls it `hdr`.
+pub const HEADER_STAMPS: [&str; 2] = ["header.stamp", "hdr.stamp"];
+
+/// The stamp out of the values of [`HEADER_STAMPS`]; `None` if there is none or it is unset.
+#[must_use]
+pub fn header_stamp(values: [Option<Value<'_>>; 2]) -> Option<Stamp> {
+    let [header, hdr] = values;
+    header.or(hdr)?.stamp().filter(|stamp| stamp.0 > 0)
+}
+
 /// More fields than this, counted through nested types, are a malformed definition.
 const MAX_FIELDS: usize = 10_000;
 /// Types nested deeper than this are a definition that contains itself.
@@ -301,5 +311,20 @@ impl<'m> Value<'m> {
 
     fn at<const SIZE: usize>(&self, i: usize) -> Option<[u8; SIZE]> {
         self.bytes.get(i.checked_mul(SIZE)?..)?.first_chunk().copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stamp_is_found_under_either_name_and_zero_is_none() {
+        for field in ["header", "hdr"] {
+            let definition = Definition::parse("p/Root", &format!("Header {field}\n")).unwrap();
+            let extractor = Extractor::new(&definition, &HEADER_STAMPS).unwrap();
+            let stamp = |seconds| header_stamp(extractor.walk(&[0, seconds, 0, 0].map(u32::to_le_bytes).concat()).unwrap());
+            assert_eq!((stamp(3), stamp(0)), (Some(Stamp::from_ros(3, 0)), None));
+        }
     }
 }

@@ -5,4 +5,4 @@ pub mod extract;
 pub mod md5;
 
 pub use definition::Definition;
-pub use extract::{Extractor, Misfit, Value};
+pub use extract::{Extractor, HEADER_STAMPS, Misfit, Value, header_stamp};
