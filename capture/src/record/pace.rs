@@ -1,6 +1,7 @@
 //! How regular a stream is while it runs: the rule of [`raven::log::StreamQuality`] on a window that moves.
 
 use raven::log::{GAP_FACTOR, Stamp};
+use raven::stats::median;
 
 /// Intervals that the median is taken of.
 const WINDOW: usize = 127;
@@ -52,9 +53,7 @@ impl Pace {
         }
         self.next += 1;
         if self.next == LEAST || self.next.is_multiple_of(RENEW) {
-            let mut sorted = self.window.clone();
-            sorted.sort_unstable_by(f64::total_cmp);
-            self.median_s = sorted.get(sorted.len() / 2).map(|median| median.max(self.least_s));
+            self.median_s = median(&self.window).map(|median| median.max(self.least_s));
         }
         missing
     }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::Stamp;
+use crate::stats::median;
 
 /// An interval counts as a gap beyond this multiple of the median interval: between one frame and two.
 pub const GAP_FACTOR: f64 = 1.5;
@@ -42,8 +43,8 @@ impl StreamQuality {
         let mut sorted = stamps.to_vec();
         sorted.sort_unstable();
         sorted.dedup();
-        let mut intervals: Vec<f64> = sorted.windows(2).map(|pair| pair[1].seconds_since(pair[0])).collect();
-        let median = median(&mut intervals);
+        let intervals: Vec<f64> = sorted.windows(2).map(|pair| pair[1].seconds_since(pair[0])).collect();
+        let median = median(&intervals);
         let gaps = median.map_or(0, |median| intervals.iter().filter(|&&interval| interval > GAP_FACTOR * median).count());
         Self {
             messages: stamps.len(),
@@ -65,12 +66,6 @@ impl StreamQuality {
         let different = self.messages - self.duplicates;
         (duration > 0.0).then(|| (different.saturating_sub(1)) as f64 / duration)
     }
-}
-
-/// Median by partial sorting; of an even number of values the upper of the middle two.
-pub(super) fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::Stamp;
-use super::quality::median;
+use crate::stats::median;
 
 /// Skew of the right camera against the left one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -29,11 +29,11 @@ impl CameraSkew {
             let skews = candidates.into_iter().flatten().map(|right| right.seconds_since(left));
             skews.min_by(|a, b| a.abs().total_cmp(&b.abs()))
         };
-        let mut signed: Vec<f64> = left.iter().filter_map(nearest).collect();
-        let mut absolute: Vec<f64> = signed.iter().map(|skew| skew.abs()).collect();
-        let right_minus_left_s = median(&mut signed)?;
-        let mut distances: Vec<f64> = signed.iter().map(|skew| (skew - right_minus_left_s).abs()).collect();
-        Some(Self { right_minus_left_s, absolute_s: median(&mut absolute)?, spread_s: median(&mut distances)? })
+        let signed: Vec<f64> = left.iter().filter_map(nearest).collect();
+        let absolute: Vec<f64> = signed.iter().map(|skew| skew.abs()).collect();
+        let right_minus_left_s = median(&signed)?;
+        let distances: Vec<f64> = signed.iter().map(|skew| (skew - right_minus_left_s).abs()).collect();
+        Some(Self { right_minus_left_s, absolute_s: median(&absolute)?, spread_s: median(&distances)? })
     }
 }
 
