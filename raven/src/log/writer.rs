@@ -10,7 +10,7 @@ use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 
 use super::robot_state::{RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, RavenState};
-use super::{Attachment, Channel, Item, RawMessage, Stamp, Walker, live, topics};
+use super::{Attachment, Channel, RawMessage, Stamp, live, topics};
 use crate::{Error, Result, files};
 
 const LIBRARY: &str = concat!("raven-cal ", env!("CARGO_PKG_VERSION"));
@@ -194,35 +194,6 @@ impl LogWriter {
     pub fn copy_message(&mut self, channel: ChannelId, message: &RawMessage<'_>) -> Result<()> {
         let times = Times { measured: message.publish_time, arrived: message.log_time };
         self.write(channel, times, message.sequence, message.data)
-    }
-
-    /// Copies everything of some topics of another log byte for byte, and all its attachments and metadata. Returns how many messages.
-    ///
-    /// # Errors
-    /// If the other log cannot be read or is damaged, or the disk is full.
-    pub fn copy_topics(&mut self, from: &Path, topics: &[&str]) -> Result<u64> {
-        let mut copied = 0;
-        let mut walker = Walker::open(from)?;
-        let mut ids = HashMap::new();
-        walker.run(|item| {
-            match item {
-                Item::Channel(channel) if topics.contains(&channel.topic.as_str()) => {
-                    ids.insert(channel.id, self.copy_channel(channel)?);
-                }
-                Item::Channel(_) | Item::Start(_) => {}
-                Item::Message(message) => {
-                    if let Some(&id) = ids.get(&message.channel.id) {
-                        self.copy_message(id, &message)?;
-                        copied += 1;
-                    }
-                }
-                Item::Attachment(attachment) => self.copy_attachment(&attachment)?,
-                Item::Metadata(name, pairs) => self.metadata(&name, &pairs)?,
-            }
-            Ok(())
-        })?;
-        walker.require_whole()?;
-        Ok(copied)
     }
 
     /// Completes the file: index, sync, rename.
