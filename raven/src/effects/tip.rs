@@ -67,7 +67,7 @@ impl<'a> TipModel<'a> {
         self.links.step_max_s()
     }
 
-    /// Predictions with the links rolled out through cables and friction: exact, and a tenth of a second per minute of recording; and the
+    /// Predictions with the links rolled out through cables and friction: exact, and some hundredths of a second per minute of recording; and the
     /// cables' tension differences [N], averaged over the window of each of `shafts` as its torque is.
     #[must_use]
     pub fn rolled_out(&self, sights: &[Sight], shafts: &[Shaft]) -> (WhereKnown, WhereKnown) {

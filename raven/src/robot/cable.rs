@@ -72,7 +72,7 @@ const SERIES: f64 = 1e-3;
 
 fn sinh(x: f64) -> f64 {
     let square = x * x;
-    if x.abs() < SERIES { x * (1.0 + square / 6.0 * (1.0 + square / 20.0)) } else { x.sinh() }
+    if x.abs() < SERIES { x * (1.0 + square * (1.0 / 6.0) * (1.0 + square * (1.0 / 20.0))) } else { x.sinh() }
 }
 
 fn asinh(x: f64) -> f64 {

@@ -109,8 +109,11 @@ impl LinkModel {
     /// Where joints are held that have come to a state.
     fn slid(&self, state: &LinkState, motor: &Vector3<f64>) -> Option<Vector3<f64>> {
         let anchor = state.anchor?;
-        let stretch = self.arm.transmission.stretch_m(motor, &state.position);
-        let tension = Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], 0.0));
+        let pulled = || {
+            let stretch = self.arm.transmission.stretch_m(motor, &state.position);
+            Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], 0.0))
+        };
+        let tension = if self.arm.link_friction.iter().any(|friction| friction.per_load != 0.0) { pulled() } else { Vector3::zeros() };
         Some(self.grip.slid(&anchor, &state.position, &self.holding_n(&tension)))
     }
 
