@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Shaft, Sight};
+use raven::effects::{Command, Shaft, Sight};
 use raven::log::{Recording, TipStatus};
 use raven::observation::three_joints;
 use raven::robot::{MotorTrack, PAUSE_MAX_S};
@@ -60,7 +60,7 @@ impl Data {
                 let series = recording.require_motor()?;
                 three_joints(series, recording)?;
                 let torque = (0..series.len()).map(|k| Vector3::from_fn(|j, _| effort[j][k])).collect::<Vec<_>>();
-                shafts(&motors, &acting(&motors.time_s, &torque))
+                shafts(&motors, &torque)
             }
             _ => Vec::new(),
         };
@@ -81,25 +81,14 @@ fn thinned(motors: &MotorTrack) -> MotorTrack {
     thin
 }
 
-/// Torque that acts at the time of each sample: a command is logged as it is given and held for a period of the controller, so that half of what
-/// acts about its time is the command before, or itself where it is the first.
-fn acting(time_s: &[f64], commanded: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let at = |k: usize| {
-        let before = k.saturating_sub(1);
-        let part = (0.5 * CONTROL_S / (time_s[k] - time_s[before])).min(0.5);
-        commanded[k].lerp(&commanded[before], part)
-    };
-    (0..commanded.len()).map(at).collect()
+/// Motors smoothed by a local quadratic, with the torque of the same window.
+fn shafts(motors: &MotorTrack, commanded: &[Vector3<f64>]) -> Vec<Shaft> {
+    motors.times_every(STRIDE_S).filter_map(|time_s| shaft(motors, commanded, CONTROL_S, time_s)).collect()
 }
 
-/// Motors smoothed by a local quadratic, with the mean torque of the same window.
-fn shafts(motors: &MotorTrack, torque: &[Vector3<f64>]) -> Vec<Shaft> {
-    motors.times_every(STRIDE_S).filter_map(|time_s| shaft(motors, torque, time_s)).collect()
-}
-
-/// Motors at one time, smoothed, and their torque; `None` where samples are missing, an encoder jumps or there are fewer than five samples in
-/// the window.
-pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -> Option<Shaft> {
+/// Motors at one time, smoothed, and their torque, which is logged as it is asked for and then held for `held_s`; `None` where samples are
+/// missing, an encoder jumps or there are fewer than five samples in the window.
+pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], held_s: f64, time_s: f64) -> Option<Shaft> {
     let half_s = 0.5 * WINDOW_S;
     let (start_s, end_s) = (*motors.time_s.first()?, *motors.time_s.last()?);
     if time_s - half_s < start_s || time_s + half_s > end_s {
@@ -109,16 +98,17 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -
     let to = motors.time_s.partition_point(|&t| t <= time_s + half_s);
     let times = motors.time_s.get(from..to)?;
     let whole = times.len() >= 5 && times.windows(2).all(|pair| pair[1] - pair[0] <= PAUSE_MAX_S.min(half_s));
-    if !whole || jumps(&motors.angle[from..to]) || torque[from..to].iter().any(|t| !t.iter().all(|v| v.is_finite())) {
+    let before = |k: usize| k.saturating_sub(1);
+    if !whole || jumps(&motors.angle[from..to]) || torque[before(from)..to].iter().any(|t| !t.iter().all(|v| v.is_finite())) {
         return None;
     }
     // Least squares with weights (1 - (t / h)^2)^k, h half the window, find as the n-th derivative its mean with the power k + n. Torque,
     // velocity and acceleration are means with the same power, or a fast motion looks as if it took another friction or inertia.
     let (mut parabola, mut of_parabola) = (Matrix3::zeros(), Matrix3::zeros());
     let (mut line, mut of_line) = (Matrix2::zeros(), Matrix2x3::zeros());
-    let (mut commanded, mut weights) = (Vector3::zeros(), 0.0);
-    for ((t, angle), torque) in times.iter().zip(&motors.angle[from..to]).zip(&torque[from..to]) {
-        let t = t - time_s;
+    let mut commanded = Vec::with_capacity(2 * times.len());
+    for k in from..to {
+        let (t, angle) = (motors.time_s[k] - time_s, &motors.angle[k]);
         let weight = (1.0 - (t / half_s).powi(2)).max(0.0);
         let row = Vector3::new(1.0, t, 0.5 * t * t);
         parabola += row * row.transpose() * weight;
@@ -127,8 +117,9 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -
         line += row * row.transpose() * weight.powi(2);
         of_line += row * angle.transpose() * weight.powi(2);
         let weight = Shaft::weight(t / half_s);
-        commanded += torque * weight;
-        weights += weight;
+        // Half of what acts about a sample's time while it is held is what was asked for before, or itself where it is the first.
+        let earlier = (0.5 * held_s / (motors.time_s[k] - motors.time_s[before(k)])).min(0.5);
+        commanded.extend([(torque[k], weight * (1.0 - earlier)), (torque[before(k)], weight * earlier)]);
     }
     let (parabola, line) = (parabola.try_inverse()? * of_parabola, line.try_inverse()? * of_line);
     Some(Shaft {
@@ -136,7 +127,7 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], time_s: f64) -
         angle: parabola.row(0).transpose(),
         rate: line.row(1).transpose(),
         acceleration: parabola.row(2).transpose(),
-        commanded: commanded / weights,
+        commanded: Command::of(&commanded),
         window_s: WINDOW_S,
     })
 }
@@ -171,10 +162,10 @@ mod tests {
         let time_s: Vec<f64> = (0..2000).step_by(logged_every).map(|k| 1e-3 * k as f64).collect();
         let motors = MotorTrack { angle: time_s.iter().map(|&t| Vector3::repeat(angle(t))).collect(), time_s };
         let commanded: Vec<Vector3<f64>> = motors.time_s.iter().map(|t| Vector3::repeat(torque(t + 0.5e-3))).collect();
-        let shafts = shafts(&motors, &acting(&motors.time_s, &commanded));
+        let shafts = shafts(&motors, &commanded);
         let of = |f: &dyn Fn(&Shaft) -> f64| shafts.iter().map(|shaft| f(shaft).abs()).fold(0.0, f64::max);
         assert!(shafts.len() > 80);
-        of(&|s| s.commanded[0] - INERTIA * s.acceleration[0] - VISCOUS * s.rate[0]) / of(&|s| s.commanded[0])
+        of(&|s| s.commanded.mean()[0] - INERTIA * s.acceleration[0] - VISCOUS * s.rate[0]) / of(&|s| s.commanded.mean()[0])
     }
 
     #[test]

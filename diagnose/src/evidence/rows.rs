@@ -227,7 +227,8 @@ impl Observed for Rows<'_> {
                 tips.extend(row.iter().map(|v| if v.is_finite() { *v } else { lost }));
             }
             let delivered: Vec<Vector3<f64>> = shafts.iter().map(|shaft| torque.delivered(&shaft.commanded)).collect();
-            let per_delivered = commanded_per_delivered(shafts.iter().map(|shaft| shaft.commanded).zip(delivered.iter().copied()), weights);
+            let per_delivered =
+                commanded_per_delivered(shafts.iter().map(|shaft| shaft.commanded.mean()).zip(delivered.iter().copied()), weights);
             for (((shaft, weight), tension), delivered) in shafts.iter().zip(weights).zip(tensions).zip(delivered) {
                 let tension_n = tension.unwrap_or_else(|| torque.rigid_n(shaft));
                 let lacking = delivered - torque.needed(shaft, &tension_n);
@@ -263,13 +264,13 @@ impl Loose {
     }
 }
 
-/// A whitened error of torque, larger where the drive clips: of a command that is clipped the model does not say how large it is, so the
+/// A whitened error of torque, larger by the part of its window in which the drive clips: of a command that is clipped the model does not say how large it is, so the
 /// command has the density of all commands instead of that of the model's errors, which are `TORQUE_MODEL` of them.
 pub(super) fn with_clipping(whitened: f64, clipped: f64) -> f64 {
     if clipped == 0.0 || whitened == 0.0 {
         return whitened;
     }
-    let information = 2.0 * TORQUE_MODEL.recip().ln() * STRIDE_S / TORQUE_ALIKE_S;
+    let information = clipped * 2.0 * TORQUE_MODEL.recip().ln() * STRIDE_S / TORQUE_ALIKE_S;
     whitened.signum() * whitened.hypot(information.sqrt())
 }
 
@@ -298,7 +299,7 @@ fn dry_friction(arm: &Arm, shaft: &Shaft) -> Vector3<f64> {
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is
 /// not known of the friction of `arm` near rest. Before links are loose they say nothing.
 fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: &Loose) -> Vec<Vector3<f64>> {
-    let mean_square = |j: usize| shafts.iter().map(|s| s.commanded[j].powi(2)).sum::<f64>() / shafts.len().max(1) as f64;
+    let mean_square = |j: usize| shafts.iter().map(|s| s.commanded.mean()[j].powi(2)).sum::<f64>() / shafts.len().max(1) as f64;
     let model = Vector3::from_fn(|j, _| TORQUE_MODEL * mean_square(j).sqrt());
     let stride_s = shafts.windows(2).map(|w| w[1].time_s - w[0].time_s).fold(f64::INFINITY, f64::min);
     let alike = (TORQUE_ALIKE_S / stride_s).max(1.0);
@@ -322,6 +323,7 @@ fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: &Loose) -> 
 
 #[cfg(test)]
 mod tests {
+    use raven::effects::Command;
     use raven::robot::nominal;
 
     use super::*;
@@ -340,7 +342,14 @@ mod tests {
         let shaft = |k: usize| {
             let [before, now, after] = [k - 1, k, k + 1].map(|k| motors.angle[k]);
             let (rate, acceleration) = ((after - before) / 2e-3, (after - now * 2.0 + before) / 1e-6);
-            Shaft { time_s: motors.time_s[k], angle: now, rate, acceleration, commanded: Vector3::repeat(0.01), window_s: WINDOW_S }
+            Shaft {
+                time_s: motors.time_s[k],
+                angle: now,
+                rate,
+                acceleration,
+                commanded: Command::steady(Vector3::repeat(0.01)),
+                window_s: WINDOW_S,
+            }
         };
         let shafts: Vec<Shaft> = (20..29_980).step_by(20).map(shaft).collect();
         let data = [Data { motors: motors.clone(), sights: Vec::new(), shafts }];

@@ -44,7 +44,7 @@ fn predicted(model: &Model) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
     let torques = (10..390).step_by(10).flat_map(|k| {
         let rate = (motors.angle[k + 1] - motors.angle[k - 1]) / 0.02;
         let acceleration = (motors.angle[k + 1] - motors.angle[k] * 2.0 + motors.angle[k - 1]) / 1e-4;
-        let commanded = Vector3::new(0.9, -0.4, 0.5) * (0.3 * k as f64).sin();
+        let commanded = Command::steady(Vector3::new(0.9, -0.4, 0.5) * (0.3 * k as f64).sin());
         let shaft = Shaft { time_s: motors.time_s[k], angle: motors.angle[k], rate, acceleration, commanded, window_s: 0.0 };
         [torque.needed(&shaft, &torque.rigid_n(&shaft)), torque.delivered(&commanded)]
     });

@@ -90,7 +90,7 @@ impl<'a> BenchModel<'a> {
         self.shafts.delivered(&driven.shaft.commanded)
     }
 
-    /// 1 where a drive clips its command, 0 elsewhere.
+    /// Part of the window in which a drive clips its command.
     #[must_use]
     pub fn clipped(&self, driven: &Driven) -> Vector3<f64> {
         self.shafts.clipped(&driven.shaft.commanded)

@@ -5,6 +5,7 @@
 
 mod added;
 mod bench;
+mod command;
 mod document;
 pub mod library;
 mod listed;
@@ -17,6 +18,7 @@ mod torque;
 mod view;
 
 pub use bench::{BenchModel, Driven, LinkMotion, Tension};
+pub use command::Command;
 pub use document::document;
 pub use library::{ALL, AMOUNTS};
 pub use listed::{Home, clock_drift, within_images};

@@ -10,7 +10,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Drive, Model};
+use super::{Command, Drive, Model};
 use crate::Result;
 use crate::robot::{Arm, Motor};
 
@@ -29,7 +29,7 @@ pub struct Shaft {
     /// [rad/s^2], averaged as well.
     pub acceleration: Vector3<f64>,
     /// After the gear box [N m], as it acts, averaged with the weights `(1 - (t / h)^2)^3` within `h` of the time ([`Self::weight`]).
-    pub commanded: Vector3<f64>,
+    pub commanded: Command,
     /// `2 h` [s]; 0 for values of an instant.
     pub window_s: f64,
 }
@@ -61,16 +61,17 @@ impl Shafts {
     }
 
     /// What the drives deliver of a command [N m].
-    pub(super) fn delivered(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|j, _| {
-            (commanded[j] * self.drives[j].torque_gain).clamp(-self.drives[j].torque_limit, self.drives[j].torque_limit)
+    pub(super) fn delivered(&self, commanded: &Command) -> Vector3<f64> {
+        commanded.mean_of(|j, torque| {
+            let Drive { torque_gain, torque_limit, .. } = self.drives[j];
+            (torque * torque_gain).clamp(-torque_limit, torque_limit)
         })
     }
 
-    /// 1 where a drive clips its command, 0 elsewhere.
-    pub(super) fn clipped(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
-        let clips = |j: usize| (commanded[j] * self.drives[j].torque_gain).abs() > self.drives[j].torque_limit;
-        Vector3::from_fn(|j, _| if clips(j) { 1.0 } else { 0.0 })
+    /// Part of the window in which a drive clips its command.
+    pub(super) fn clipped(&self, commanded: &Command) -> Vector3<f64> {
+        let clips = |j: usize, torque: f64| (torque * self.drives[j].torque_gain).abs() > self.drives[j].torque_limit;
+        commanded.mean_of(|j, torque| if clips(j, torque) { 1.0 } else { 0.0 })
     }
 
     /// What the motors themselves take of it [N m after the gear box]; `way` is the direction of their dry friction.
@@ -119,13 +120,13 @@ impl TorqueModel {
 
     /// What the drives deliver of a command [N m].
     #[must_use]
-    pub fn delivered(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+    pub fn delivered(&self, commanded: &Command) -> Vector3<f64> {
         self.shafts.delivered(commanded)
     }
 
-    /// 1 where a drive clips its command, 0 elsewhere.
+    /// Part of the window in which a drive clips its command.
     #[must_use]
-    pub fn clipped(&self, commanded: &Vector3<f64>) -> Vector3<f64> {
+    pub fn clipped(&self, commanded: &Command) -> Vector3<f64> {
         self.shafts.clipped(commanded)
     }
 

@@ -55,10 +55,11 @@ impl<'a> Bench<'a> {
             let all = recorded.iter().flat_map(|r| &r.driven).map(|driven| of(driven)[j].powi(2));
             (all.clone().sum::<f64>() / all.count().max(1) as f64).sqrt()
         };
-        let measures: Vec<Measure> =
-            (0..robot.joints.len()).map(|j| Measure::of(robot, j, rms(|d| d.shaft.commanded, j), rms(|d| d.shaft.rate, j))).collect();
+        let measures: Vec<Measure> = (0..robot.joints.len())
+            .map(|j| Measure::of(robot, j, rms(|d| d.shaft.commanded.mean(), j), rms(|d| d.shaft.rate, j)))
+            .collect();
         let creep = Vector3::from_fn(|j, _| measures.get(j).map_or(1.0, |measure| measure.motor_rate(CREEP_RAD_S)));
-        let model = Vector3::from_fn(|j, _| TORQUE_MODEL * rms(|d| d.shaft.commanded, j) * (TORQUE_ALIKE_S / STRIDE_S).sqrt());
+        let model = Vector3::from_fn(|j, _| TORQUE_MODEL * rms(|d| d.shaft.commanded.mean(), j) * (TORQUE_ALIKE_S / STRIDE_S).sqrt());
         let weights = recorded.iter().map(|r| weights(robot, r, &model, &creep)).collect();
         Ok(Self { robot, recordings: recorded, signs, measures, creep, weights })
     }
@@ -141,7 +142,7 @@ impl<'a> Bench<'a> {
                 let torque = if with_torque { bench.delivered(driven) - bench.needed(driven) } else { Vector3::zeros() };
                 [position, torque, bench.clipped(driven)]
             });
-            let samples = recorded.driven.iter().map(|driven| (driven.shaft.commanded, bench.delivered(driven)));
+            let samples = recorded.driven.iter().map(|driven| (driven.shaft.commanded.mean(), bench.delivered(driven)));
             let weights: Vec<Vector3<f64>> = weights.iter().map(|[_, torque]| *torque).collect();
             (errors.collect(), commanded_per_delivered(samples, &weights))
         };

@@ -46,11 +46,11 @@ impl Recorded {
         let has = [torque.is_some(), joints.as_ref().is_some_and(|(_, load)| load.is_some())];
         let (mut driven, mut shown) = (Vec::new(), Vec::new());
         for time_s in motors.times_every(STRIDE_S) {
-            let Some(shaft_there) = shaft(&motors, &torque_there, time_s) else { continue };
-            let joint = joints_there.as_ref().and_then(|(track, load)| shaft(track, load, time_s));
+            let Some(shaft_there) = shaft(&motors, &torque_there, 0.0, time_s) else { continue };
+            let joint = joints_there.as_ref().and_then(|(track, load)| shaft(track, load, 0.0, time_s));
             driven.push(Driven {
                 shaft: shaft_there,
-                load: joint.map_or_else(Vector3::zeros, |joint| joint.commanded),
+                load: joint.map_or_else(Vector3::zeros, |joint| joint.commanded.mean()),
                 joint: joint.map(|joint| LinkMotion { position: joint.angle, rate: joint.rate, acceleration: joint.acceleration }),
             });
             shown.push(joint.map_or_else(|| Vector3::repeat(f64::NAN), |joint| joint.angle));

@@ -107,7 +107,7 @@ pub(super) fn bench_drives(robot: &Robot, recordings: &[Recording], torques: &mu
         let shafts: Vec<Shaft> = recorded.driven.iter().map(|driven| driven.shaft).collect();
         for (j, channel) in torques.iter_mut().enumerate() {
             let lacking: Vec<f64> = errors.iter().map(|[_, torque, _]| torque[j]).collect();
-            let commanded: Vec<f64> = shafts.iter().map(|shaft| shaft.commanded[j]).collect();
+            let commanded: Vec<f64> = shafts.iter().map(|shaft| shaft.commanded.mean()[j]).collect();
             let counted: Vec<usize> = (0..shafts.len()).filter(|&k| bench.weights(r)[k][1][j] > 0.0).collect();
             let kept: Vec<Shaft> = counted.iter().map(|&k| shafts[k]).collect();
             channel.tracks.push(Track {

@@ -96,6 +96,8 @@ fn advanced(drives: &dyn Drives, sample: usize, now: &Shaft, lighter: &Matrix3<f
 
 #[cfg(test)]
 mod tests {
+    use raven::effects::Command;
+
     use super::*;
 
     /// One motor with inertia, a spring and dry friction.
@@ -107,7 +109,7 @@ mod tests {
 
     impl Drives for Spring {
         fn delivered(&self, _: usize, shaft: &Shaft) -> Vector3<f64> {
-            shaft.commanded
+            shaft.commanded.mean()
         }
 
         fn needed(&self, _: usize, shaft: &Shaft) -> Vector3<f64> {
@@ -128,7 +130,7 @@ mod tests {
         let at = |k: usize| {
             let time_s = k as f64 * 0.02;
             let [angle, rate, acceleration] = angle(time_s).map(|v| Vector3::new(v, 0.0, 0.0));
-            Shaft { time_s, angle, rate, acceleration, commanded: Vector3::new(torque, 0.0, 0.0), window_s: 0.0 }
+            Shaft { time_s, angle, rate, acceleration, commanded: Command::steady(Vector3::new(torque, 0.0, 0.0)), window_s: 0.0 }
         };
         (0..(seconds / 0.02) as usize).map(at).collect()
     }

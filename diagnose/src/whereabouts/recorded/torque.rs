@@ -29,7 +29,7 @@ pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueMod
     let all_time_s: Vec<f64> = apart.iter().map(|(s, _)| s.time_s).collect();
     let rates: Vec<f64> = apart.iter().map(|(s, _)| arm.transmission.joint_rate_from_motor(&s.rate)[j]).collect();
     let residual: Vec<f64> = apart.iter().map(|(s, tension)| (model.delivered(&s.commanded) - model.needed(s, tension))[j]).collect();
-    let commanded: Vec<f64> = apart.iter().map(|(s, _)| s.commanded[j]).collect();
+    let commanded: Vec<f64> = apart.iter().map(|(s, _)| s.commanded.mean()[j]).collect();
     let noise = noise_of_torque(&residual, &commanded);
     let motors: Vec<Option<Vector3<f64>>> = apart.iter().map(|(s, _)| Some(s.angle)).collect();
     let factors = joint_factors(arm, joint, j, &motors, &all_time_s, &rates);

@@ -107,7 +107,7 @@ fn links_that_friction_grips_go_where_the_labs_do() {
 /// What torques near rest hang on: cables are wound one way and the other while links hardly move.
 #[test]
 fn cables_of_links_that_hardly_move_pull_as_the_labs_do() {
-    use crate::effects::{Model, Shaft, TipModel, TorqueModel};
+    use crate::effects::{Command, Model, Shaft, TipModel, TorqueModel};
     use crate::robot::MotorTrack;
     const HALF: usize = 30;
     let mut robot = nominal::gold();
@@ -129,7 +129,7 @@ fn cables_of_links_that_hardly_move_pull_as_the_labs_do() {
             angle: now,
             rate: (after - before) / (2.0 * h_s),
             acceleration: (after - now * 2.0 + before) / (h_s * h_s),
-            commanded: Vector3::zeros(),
+            commanded: Command::steady(Vector3::zeros()),
             window_s: 2.0 * h_s,
         }
     };
