@@ -1,7 +1,8 @@
 //! Effects that the library ties to those that were found, or that alone explain about as much, each held against what it could stand in for.
 //!
-//! A search goes on with what explains most alone; what is behind it there may be ahead of it beside another effect. And it drops what the screen sees behind. Where a misfit is large the screen's differences are, too, and what is hardly behind once the
-//! misfit counts as noise was never fitted: a tie would go unsaid, and one of two be named with a probability that both share.
+//! A search goes on with what explains most alone; what is behind it there may be ahead of it beside another effect. And it drops what the
+//! screen sees behind. Where a misfit is large the screen's differences are, too, and what is hardly behind once the misfit counts as noise was
+//! never fitted: a tie would go unsaid, and one of two be named with a probability that both share.
 
 use raven::Result;
 
