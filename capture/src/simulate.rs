@@ -7,7 +7,7 @@ use raven::cli::{self, Outcome};
 use raven::log::Stamp;
 use raven::robot::{Robot, nominal};
 use raven::simulation::{Effect, Hidden, Lot, Motion, Options, SEALED_FACTOR, Session};
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 
 use crate::seal;
 
@@ -78,6 +78,8 @@ pub struct Args {
 /// # Errors
 /// If an argument makes no sense, the robot file cannot be used, or a file cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+    let outputs = [("-o", args.output.as_deref()), ("--truth", args.truth.as_deref()), ("--cameras-out", args.cameras_out.as_deref())];
+    files::apart(&args.robot, &outputs)?;
     let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
     if !(0.0..=4e9).contains(&args.start_time) {
         return Err(Error::Argument(format!("--start-time is {}, expected seconds since 1970.", args.start_time)));

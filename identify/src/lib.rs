@@ -58,6 +58,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 
 fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let start = Instant::now();
+    args.apart()?;
     let has_table = args.has_table()?;
     let robot = Robot::read(args.robot()?)?;
     robot.arm()?;

@@ -104,6 +104,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     let started = Instant::now();
     let Some(robot_path) = &args.robot else { return Err(Error::Argument("--robot is needed.".to_owned())) };
+    let outputs = [("-o", args.output.as_deref()), ("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())];
+    files::apart(args.logs.iter().chain(&args.robot).chain(&args.cameras), &outputs)?;
     let robot = Robot::read(robot_path)?;
     robot.arm()?;
     if let Some(cameras) = &args.cameras {
@@ -113,9 +115,6 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         if is_given && args.logs.len() > 1 {
             return Err(Error::Argument(format!("{option} takes the estimates of one log; give one log or leave {option} away.")));
         }
-    }
-    if let Some(output) = &args.output {
-        args.logs.iter().try_for_each(|log| files::apart(log, output))?;
     }
     files::distinct(&args.logs)?;
     let settings = Settings { filter: args.filter, occlude: args.occlude, occlusion: args.occlusion, tuning: None };

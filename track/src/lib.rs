@@ -151,7 +151,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 
 fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
-    files::apart(&args.log, &args.output)?;
+    let outputs = [("-o", Some(args.output.as_path())), ("--json", args.json.as_deref()), ("--html", args.html.as_deref())];
+    files::apart([&args.log, &args.robot, &args.cameras], &outputs)?;
     let robot_text = files::read_text(&args.robot)?;
     let robot = Robot::parse(&args.robot, &robot_text)?;
     let cameras_text = files::read_text(&args.cameras)?;
