@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use crate::{Error, Result};
+use crate::{Error, Result, interrupted};
 
 /// Reads a text file.
 ///
@@ -111,7 +111,17 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o644));
     }
-    builder.tempfile_in(folder).map_err(|e| Error::io(path, "create", e))
+    let made = interrupted::temporary(|| builder.tempfile_in(folder), tempfile::NamedTempFile::path);
+    made.map_err(|e| Error::io(path, "create", e))
+}
+
+/// An empty folder among the system's temporary ones, removed when dropped.
+///
+/// # Errors
+/// If there is no room for it.
+pub fn temporary_folder() -> Result<tempfile::TempDir> {
+    let made = interrupted::temporary(tempfile::tempdir, tempfile::TempDir::path);
+    made.map_err(|e| Error::io(&std::env::temp_dir(), "create a folder in", e))
 }
 
 /// Syncs a temporary file to the disk and gives it its name.

@@ -78,7 +78,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let folder = match &args.folder {
         Some(folder) => folder.as_path(),
         None => {
-            passing = passing_folder()?;
+            passing = files::temporary_folder()?;
             passing.path()
         }
     };
@@ -171,11 +171,6 @@ fn recordings(folder: &Path) -> Result<Vec<PathBuf>> {
         return Err(Error::file(folder, "there is no recording NAME.mcap in it."));
     }
     Ok(paths)
-}
-
-/// A folder that goes away with what is returned.
-fn passing_folder() -> Result<tempfile::TempDir> {
-    tempfile::tempdir().map_err(|e| Error::io(&std::env::temp_dir(), "create a folder in", e))
 }
 
 /// Makes a sealed set in a folder.
