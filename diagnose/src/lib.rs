@@ -138,6 +138,10 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
+        let tracked = recordings.iter().map(|recording| (&recording.path, Cameras::of_tracked(recording)));
+        cameras.warn_if_others_tracked(cameras_path, tracked)?;
+    }
     let mut report = Report::new(&robot, &args.logs, &residuals);
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
     let mut lenses = cameras.as_ref();

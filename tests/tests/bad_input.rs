@@ -117,6 +117,21 @@ fn an_empty_selection() {
 }
 
 #[test]
+fn cameras_of_another_size_than_the_log_was_tracked_with() {
+    let cameras = std::fs::read_to_string(SESSION.path().join("cameras.yaml")).unwrap();
+    let larger = cameras.replace("image_width: 640", "image_width: 1280");
+    assert_ne!(larger, cameras);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("larger.yaml");
+    std::fs::write(&path, larger).unwrap();
+    let arguments = ["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", path.to_str().unwrap()];
+    let must_say = ["larger.yaml", "left.image_width", "1280 x 480", "log.mcap", "640 x 480", "track it anew"];
+    fails(raven_replay::run, &arguments, &must_say);
+    fails(raven_identify::run, &arguments, &must_say);
+    fails(raven_diagnose::run, &arguments, &must_say);
+}
+
+#[test]
 fn what_is_read_is_never_written_over() {
     let (robot, cameras) = (["--robot", "{robot.yaml}"], ["--cameras", "{cameras.yaml}"]);
     let both = [robot, cameras].concat();
