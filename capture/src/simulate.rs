@@ -23,7 +23,8 @@ pub struct Args {
     /// board, hardstop, sinusoid, fls (fls1, fls2, ... are other trials), rich, or bench for a bench.
     #[arg(long, required_unless_present = "seal")]
     pub motion: Option<Motion>,
-    /// Length of the recording [s]: 60 if left off, 3 at the hard stop, 32 for the board, which is shown in a new pose every second.
+    /// Length of the recording [s]: 60 if left off, 3 at the hard stop, 32 for the board, which is shown in a new pose every second, in 25 at
+    /// least.
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
     /// Render images of both cameras instead of writing the tip's position.
@@ -117,9 +118,10 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         cameras.write(path)?;
     }
     let text = format!(
-        "{}: {}, {duration_s} s, {} robot states, {} tips ({} hidden), {} + {} images\n",
+        "{}: {}, {} s, {} robot states, {} tips ({} hidden), {} + {} images\n",
         output.display(),
         motion,
+        written.duration_s,
         written.robot,
         written.tips,
         written.tips_hidden,
@@ -128,4 +130,20 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     );
     cli::results(out, &text, args.truth.as_deref(), &session.truth_json())?;
     Ok(Outcome::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    #[test]
+    fn the_length_of_a_board_is_that_of_its_poses() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("board.mcap").display().to_string();
+        let args = ["raven-capture", "simulate", "--motion", "board", "--duration", "1", "--rate", "1", "--images", "-o", &path];
+        let mut said = Vec::new();
+        crate::run(crate::Args::try_parse_from(args).unwrap(), &mut said).unwrap();
+        let said = String::from_utf8(said).unwrap();
+        assert!(said.contains("board, 25 s, 0 robot states, 0 tips (0 hidden), 25 + 25 images"), "{said}");
+    }
 }
