@@ -169,7 +169,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
 
     let marker = appearance.marker(if args.refine { Centre::Refined } else { args.centre });
     let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
-    let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
+    let pair_within_s = batches::pair_within_s(&recording);
     let bar = cli::progress(frames[0] + frames[1], "tracking");
     let mut album = args.html.as_ref().map(|_| Album::new(marker.colour));
     let counts = batches::for_each_encoded(&args.log, &cameras, pair_within_s, |step| {
