@@ -79,7 +79,7 @@ fn look(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker) -> Result
     let predictor = Predictor::new(&recording, robot, 0.0)?;
     let most = recording.topics.iter().filter(|(topic, _)| raven::log::topics::camera_of(topic).is_some()).map(|(_, count)| *count).max();
     let frames = most.unwrap_or(0).max(1) as usize;
-    let pair_within_s = 0.55 * recording.duration_s / frames as f64;
+    let pair_within_s = batches::pair_within_s(&recording);
     let stride = frames.div_ceil(PAIRS);
     let bar = cli::progress(frames as u64, "looking for the marker");
     let (mut glimpses, mut pairs) = (Vec::new(), 0);

@@ -8,8 +8,7 @@ use clap::Args;
 use nalgebra::Vector3;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
-use raven::files::write_atomic;
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 
 use crate::board::{Board, BoardSize};
 use crate::calibration::{self, Calibration, Options};
@@ -79,9 +78,18 @@ type Export = fn(&Cameras, &Path) -> Result<()>;
 pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
     let board = Board { size: args.board, square_m: args.square };
+    let (left, right) = (glob::files(&args.left)?, glob::files(&args.right)?);
+    let outputs = [
+        ("-o", &args.output),
+        ("--json", &args.json),
+        ("--html", &args.html),
+        ("--export-kalibr", &args.export_kalibr),
+        ("--export-opencv", &args.export_opencv),
+    ];
+    files::apart(left.iter().chain(&right).chain(&args.log), &outputs.map(|(option, path)| (option, path.as_deref())))?;
     let mut pictures = match &args.log {
         Some(log) => pictures::from_log(log, args.board)?,
-        None => pictures::from_files(&glob::files(&args.left)?, &glob::files(&args.right)?, args.board)?,
+        None => pictures::from_files(&left, &right, args.board)?,
     };
     if pictures.boards_seen == [0, 0] {
         let (columns, rows) = (args.board.columns, args.board.rows);
@@ -120,7 +128,7 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     let mut text = table(&report, &calibration);
     if let Some(path) = &args.html {
         let page = page::html(&calibration, &pictures.shots, &board, &text, &sentences);
-        write_atomic(path, page.as_bytes())?;
+        files::write_atomic(path, page.as_bytes())?;
     }
     if let Some(Desync { right_minus_left_s, std_s }) = offset {
         text += &format!(

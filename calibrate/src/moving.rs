@@ -60,7 +60,7 @@ impl Moving {
             return Err(Error::file(log, format!("the log has {left} left and {right} right images; both cameras are needed.")));
         };
         let predictor = Predictor::new(&recording, robot, cameras.latency_s)?;
-        let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
+        let pair_within_s = batches::pair_within_s(&recording);
         let mut tracker = Tracker::new(cameras, base_from_left, &predictor, marker);
         let bar = cli::progress(frames[0] + frames[1], "following the marker");
         let counts = batches::for_each_encoded(log, cameras, pair_within_s, |step| {

@@ -12,7 +12,7 @@ use nalgebra::Matrix3;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 use raven_track::appearance::{Appearance, number};
 use raven_track::look::Marker;
 use raven_track::marker::Centre;
@@ -77,6 +77,10 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
         ESTIMATE => None,
         axes => Some(axes.parse().map_err(|e| Error::Argument(format!("--rotation: {e}, or `{ESTIMATE}`.")))?),
     };
+    // Registered cameras may take the place of those that were not.
+    let recordings = || args.motion.iter().chain([&args.log, &args.robot]);
+    files::apart(recordings(), &[("-o", args.output.as_deref())])?;
+    files::apart(recordings().chain([&args.cameras]), &[("--json", args.json.as_deref())])?;
     let robot = Robot::read(&args.robot)?;
     let mut cameras = Cameras::read(&args.cameras)?;
     let marker = args.appearance.marker(Centre::Ball);

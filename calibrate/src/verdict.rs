@@ -1,6 +1,6 @@
 //! What a calibration is worth, in sentences.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::board::Board;
 use crate::calibration::{Calibration, Shot};
@@ -20,6 +20,10 @@ pub struct Sentence {
 /// Stereo RMS over mono RMS from which on the pairs were not taken at one instant. Pairs triggered by hardware have 1.07 to 1.10, webcams
 /// with a board in the hand 1.5 to 5.
 pub const SYNCHRONISED_BELOW: f64 = 1.3;
+/// Cameras that are turned by less than this look the same way [rad], and of those this part of the way between them is sideways: one stands
+/// to the left of the other.
+const PARALLEL_RAD: f64 = 0.8;
+const SIDEWAYS: f64 = 0.7;
 /// The image is divided into so many columns and rows to see where corners were.
 const CELLS: (usize, usize) = (8, 6);
 /// Below this part of the image the distortion at its edges is extrapolated.
@@ -52,6 +56,7 @@ pub fn sentences(calibration: &Calibration, folds: Option<&Folds>, shots: &[Shot
     let mut all = vec![seeing(calibration, shots)];
     all.extend(in_squares(board));
     all.extend(unmatched(calibration, shots));
+    all.extend(swapped(&calibration.rig.right_from_left));
     for (camera, name) in ["left", "right"].into_iter().enumerate() {
         all.push(coverage(calibration, shots, camera, name));
         all.push(tilt(calibration, board, camera, name));
@@ -90,6 +95,18 @@ fn unmatched(calibration: &Calibration, shots: &[Shot]) -> Option<Sentence> {
     })
 }
 
+/// Whether cameras that look the same way stand the wrong way round.
+fn swapped(right_from_left: &Isometry3<f64>) -> Option<Sentence> {
+    let right_m = right_from_left.inverse().translation.vector;
+    let is_parallel = right_from_left.rotation.angle() < PARALLEL_RAD;
+    let text = format!(
+        "The right camera stands {:.1} mm to the left of the left one, as the left one sees it: left and right are swapped, unless both hang upside \
+         down. Swap --left and --right, or the cameras' topics, and calibrate again.",
+        -1e3 * right_m.x
+    );
+    (is_parallel && right_m.x < -SIDEWAYS * right_m.norm()).then_some(Sentence { text, warning: true })
+}
+
 fn coverage(calibration: &Calibration, shots: &[Shot], camera: usize, name: &str) -> Sentence {
     let pinhole = &calibration.rig.cameras[camera];
     let mut seen = vec![false; CELLS.0 * CELLS.1];
@@ -104,7 +121,7 @@ fn coverage(calibration: &Calibration, shots: &[Shot], camera: usize, name: &str
 }
 
 fn tilt(calibration: &Calibration, board: &Board, camera: usize, name: &str) -> Sentence {
-    let of = |pose: &nalgebra::Isometry3<f64>| {
+    let of = |pose: &Isometry3<f64>| {
         let sight = (pose * Point3::from(board.middle())).coords;
         let normal = pose.rotation * Vector3::z();
         normal.dot(&sight.normalize()).abs().min(1.0).acos()

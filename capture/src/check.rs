@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;
 
-use raven::Result;
 use raven::cli::{self, Outcome};
 use raven::log::{FrameLosses, Lag, Recovery, Side, Survey, TopicSurvey, recover, topics};
+use raven::{Result, files};
 use serde::Serialize;
 
 use crate::devices;
@@ -56,6 +56,7 @@ struct Report<'a> {
 /// If the file cannot be read, is no MCAP file, or a result cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let Some(file) = args.file.as_deref() else { return devices::run(&args.devices, args.json.as_deref(), out) };
+    files::apart([file], &[("--json", args.json.as_deref())])?;
     let survey = Survey::of(file)?;
     let steps = steps(&survey);
     let recovery = args.output.as_ref().map(|output| recover(file, output)).transpose()?;

@@ -7,7 +7,7 @@ use raven::cli::{self, Outcome};
 use raven::log::Stamp;
 use raven::robot::{Robot, nominal};
 use raven::simulation::{Effect, Hidden, Lot, Motion, Options, SEALED_FACTOR, Session};
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 
 use crate::seal;
 
@@ -23,7 +23,8 @@ pub struct Args {
     /// board, hardstop, sinusoid, fls (fls1, fls2, ... are other trials), rich, or bench for a bench.
     #[arg(long, required_unless_present = "seal")]
     pub motion: Option<Motion>,
-    /// Length of the recording [s]: 60 if left off, 3 at the hard stop, 32 for the board, which is shown in a new pose every second.
+    /// Length of the recording [s]: 60 if left off, 3 at the hard stop, 32 for the board, which is shown in a new pose every second, in 25 at
+    /// least.
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
     /// Render images of both cameras instead of writing the tip's position.
@@ -78,6 +79,8 @@ pub struct Args {
 /// # Errors
 /// If an argument makes no sense, the robot file cannot be used, or a file cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
+    let outputs = [("-o", args.output.as_deref()), ("--truth", args.truth.as_deref()), ("--cameras-out", args.cameras_out.as_deref())];
+    files::apart(&args.robot, &outputs)?;
     let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
     if !(0.0..=4e9).contains(&args.start_time) {
         return Err(Error::Argument(format!("--start-time is {}, expected seconds since 1970.", args.start_time)));
@@ -115,9 +118,10 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         cameras.write(path)?;
     }
     let text = format!(
-        "{}: {}, {duration_s} s, {} robot states, {} tips ({} hidden), {} + {} images\n",
+        "{}: {}, {} s, {} robot states, {} tips ({} hidden), {} + {} images\n",
         output.display(),
         motion,
+        written.duration_s,
         written.robot,
         written.tips,
         written.tips_hidden,
@@ -126,4 +130,20 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     );
     cli::results(out, &text, args.truth.as_deref(), &session.truth_json())?;
     Ok(Outcome::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    #[test]
+    fn the_length_of_a_board_is_that_of_its_poses() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("board.mcap").display().to_string();
+        let args = ["raven-capture", "simulate", "--motion", "board", "--duration", "1", "--rate", "1", "--images", "-o", &path];
+        let mut said = Vec::new();
+        crate::run(crate::Args::try_parse_from(args).unwrap(), &mut said).unwrap();
+        let said = String::from_utf8(said).unwrap();
+        assert!(said.contains("board, 25 s, 0 robot states, 0 tips (0 hidden), 25 + 25 images"), "{said}");
+    }
 }

@@ -21,7 +21,7 @@ use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::Recording;
 use raven::robot::{KinematicsKind, Robot};
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 use serde::Serialize;
 
 use crate::against::Against;
@@ -124,7 +124,9 @@ pub fn when_told(log: &Path, robot: &Robot, cameras: Option<&Cameras>, effects: 
 /// # Errors
 /// If a file cannot be read, or a recording has nothing to compare.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
-    raven::files::distinct(&args.logs)?;
+    let inputs = args.logs.iter().chain(&args.against).chain(&args.cameras).chain([&args.robot]);
+    files::apart(inputs, &[("--json", args.json.as_deref()), ("--html", args.html.as_deref())])?;
+    files::distinct(&args.logs)?;
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let bar = cli::progress(args.logs.len() as u64, "reading recordings");
@@ -136,6 +138,10 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
+        let tracked = recordings.iter().map(|recording| (&recording.path, Cameras::of_tracked(recording)));
+        cameras.warn_if_others_tracked(cameras_path, tracked)?;
+    }
     let mut report = Report::new(&robot, &args.logs, &residuals);
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
     let mut lenses = cameras.as_ref();
@@ -172,7 +178,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         if let Some(attribution) = &report.attribution {
             report::add_causes(&mut page, attribution);
         }
-        raven::files::write_atomic(html, report::html(&page).as_bytes())?;
+        files::write_atomic(html, report::html(&page).as_bytes())?;
     }
     Ok(Outcome::Done)
 }

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
+    raven::interrupted::leave_nothing();
     let out = &mut std::io::stdout();
     // A word in front, as in `raven-diagnose check DIR`; anything else is a recording.
     let word = std::env::args_os().nth(1).unwrap_or_default();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand, ValueEnum};
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 
 use crate::recursive::{self, Sharing};
 
@@ -190,6 +190,16 @@ impl Identify {
     /// If none is given.
     pub fn robot(&self) -> Result<&Path> {
         self.robot.as_deref().ok_or_else(|| Error::Argument("--robot is missing: the robot file to start from.".to_owned()))
+    }
+
+    /// Refuses to write over what is read.
+    ///
+    /// # Errors
+    /// If a file to write is one of those to read.
+    pub fn apart(&self) -> Result<()> {
+        let inputs = self.logs.iter().chain(&self.robot).chain(&self.cameras).chain(&self.diagnosis);
+        let outputs = [("-o", self.output.as_deref()), ("--json", self.json.as_deref()), ("--plot", self.plot.as_deref())];
+        files::apart(inputs, &outputs)
     }
 
     /// Whether standard output is left for the table.

@@ -58,11 +58,13 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 
 fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let start = Instant::now();
+    args.apart()?;
     let has_table = args.has_table()?;
     let robot = Robot::read(args.robot()?)?;
     robot.arm()?;
     files::distinct(args.logs()?)?;
-    let quality = args.cameras.as_deref().map_or_else(|| Ok(Quality::default()), |path| Cameras::read(path).map(|c| c.quality))?;
+    let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
+    let quality = cameras.as_ref().map_or_else(Quality::default, |cameras| cameras.quality);
     let selection = args.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
     let mut unknowns = priors::unknowns(&robot, &selection, &quality)?;
     let recordings = {
@@ -71,6 +73,9 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
         spinner.finish_and_clear();
         recordings?
     };
+    if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
+        cameras.warn_if_others_tracked(cameras_path, recordings.tracked.iter().cloned())?;
+    }
     let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();

@@ -6,5 +6,6 @@ use clap::Parser;
 use raven_identify::{Args, run};
 
 fn main() -> ExitCode {
+    raven::interrupted::leave_nothing();
     raven::cli::exit(run(Args::parse(), &mut std::io::stdout().lock()))
 }

@@ -1,8 +1,9 @@
 //! From log files to sessions: what can be used of them, and a sentence where that is nothing.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
+use raven::camera::Cameras;
 use raven::log::{MotorSource, Recording, TipObservation, TipStatus};
 use raven::robot::{JointType, Robot};
 use raven::{Error, Result, files};
@@ -28,6 +29,8 @@ pub struct Recordings {
     pub duration_s: f64,
     /// Sentences about what could not be used.
     pub lost: Vec<String>,
+    /// The cameras that each log was tracked with, where it says so.
+    pub tracked: Vec<(PathBuf, Option<Cameras>)>,
 }
 
 impl Recordings {
@@ -102,6 +105,7 @@ impl Recordings {
             self.lost.push(format!("{name}: {without_covariance} sightings whose covariance is none were left out."));
         }
         self.duration_s += recording.duration_s;
+        self.tracked.push((path.to_owned(), Cameras::of_tracked(&recording)));
         self.sessions.push(Session { name, sha256: files::sha256(path)?, motion, sightings });
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use crate::{Error, Result};
+use crate::{Error, Result, interrupted};
 
 /// Reads a text file.
 ///
@@ -111,7 +111,17 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o644));
     }
-    builder.tempfile_in(folder).map_err(|e| Error::io(path, "create", e))
+    let made = interrupted::temporary(|| builder.tempfile_in(folder), tempfile::NamedTempFile::path);
+    made.map_err(|e| Error::io(path, "create", e))
+}
+
+/// An empty folder among the system's temporary ones, removed when dropped.
+///
+/// # Errors
+/// If there is no room for it.
+pub fn temporary_folder() -> Result<tempfile::TempDir> {
+    let made = interrupted::temporary(tempfile::tempdir, tempfile::TempDir::path);
+    made.map_err(|e| Error::io(&std::env::temp_dir(), "create a folder in", e))
 }
 
 /// Syncs a temporary file to the disk and gives it its name.
@@ -135,18 +145,22 @@ pub fn unused(recording: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses to write over what is read.
+/// Refuses to write over what is read; outputs come with the options that name them.
 ///
 /// # Errors
-/// If both are one file.
-pub fn apart(input: &Path, output: &Path) -> Result<()> {
-    match (input.canonicalize(), output.canonicalize()) {
-        (Ok(from), Ok(to)) if from == to => Err(Error::Argument(format!(
-            "{}: this is the recording itself, which is never written over; give -o another name.",
-            output.display()
-        ))),
-        _ => Ok(()),
+/// If an output is one of the inputs.
+pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&str, Option<&Path>)]) -> Result<()> {
+    let there: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
+    for (option, output) in outputs.iter().filter_map(|(option, output)| Some((option, (*output)?))) {
+        // A pipe or a device, as /dev/tty, may be both.
+        if !is_special(output) && output.canonicalize().is_ok_and(|output| there.contains(&output)) {
+            return Err(Error::Argument(format!(
+                "{option} {}: this very file is read, and nothing that is read is written over; give {option} another name.",
+                output.display()
+            )));
+        }
     }
+    Ok(())
 }
 
 /// Refuses a recording that is given twice: it would count as two.
@@ -219,7 +233,10 @@ mod tests {
         let log = folder.path().join("a.mcap");
         write_atomic(&log, b"images").unwrap();
         let again = folder.path().join(".").join("a.mcap");
-        assert!(apart(&log, &again).unwrap_err().to_string().contains("another name"));
+        let robot = folder.path().join("robot.yaml");
+        let onto = |output: Option<&Path>| apart([&robot, &log], &[("-o", None), ("--json", output)]);
+        assert!(onto(Some(&again)).unwrap_err().to_string().contains("give --json another name"));
+        onto(None).and_then(|()| onto(Some(&robot))).unwrap();
         assert!(unused(&again).unwrap_err().to_string().contains("never written over"));
         assert!(write_atomic(&again, b"{}").is_ok());
         write_atomic(&log, b"\x89MCAP0\r\n").unwrap();
@@ -230,7 +247,7 @@ mod tests {
         std::fs::write(&other, b"\x89MCAP0\r\r").unwrap();
         distinct(&[&log, &other]).unwrap();
         std::fs::remove_file(&other).unwrap();
-        apart(&log, &other).and_then(|()| unused(&other)).unwrap();
+        onto(Some(&other)).and_then(|()| unused(&other)).unwrap();
     }
 
     #[test]

@@ -10,6 +10,7 @@ pub mod effects;
 pub mod error;
 pub mod files;
 pub mod filter;
+pub mod interrupted;
 pub mod log;
 pub mod observation;
 pub mod plot;

@@ -8,6 +8,8 @@ use serde::Serialize;
 
 /// Length of the blocks over which errors are paired [s]: long against the correlation of the errors, short enough for several.
 pub const BLOCK_S: f64 = 5.0;
+/// What is left of a camera's noise in the average over a hundred sightings: a filter's estimate is no better.
+const AVERAGED: f64 = 0.1;
 
 /// One kind of estimate over time.
 #[derive(Debug, Clone, Default)]
@@ -68,7 +70,7 @@ pub struct JointRow {
     pub rms_filter: Option<f64>,
     /// Smoother.
     pub rms_smoother: Option<f64>,
-    /// By how much the filter is better than what the controller believed.
+    /// By how much the filter is better than what the controller believed; `None` where that is off by less than the noise.
     pub improvement_percent: Option<f64>,
 }
 
@@ -99,13 +101,15 @@ impl JointErrors {
         samples.filter_map(|(&t, q)| reference.interpolate(j, t).map(|truth| (t, q[j] - truth))).collect()
     }
 
-    /// The row of the table.
+    /// The row of the table. Errors below one count of the encoder [rad or m], or far below what the camera sees, are none that anything could be
+    /// better than.
     #[must_use]
-    pub fn row(&self, joint: &Joint) -> JointRow {
+    pub fn row(&self, joint: &Joint, count: f64) -> JointRow {
         let (unit, scale) = joint.display_unit();
         let rms_of = |series: &ErrorSeries| rms_of(series).map(|rms| rms * scale);
         let (rms_kinematic, rms_filter) = (rms_of(&self.believed), rms_of(&self.filter));
-        let improvement = rms_kinematic.zip(rms_filter).filter(|(before, _)| *before > 0.0);
+        let noise = (count * scale).max(rms_of(&self.camera).map_or(0.0, |camera| AVERAGED * camera));
+        let improvement = rms_kinematic.zip(rms_filter).filter(|(before, _)| *before > noise);
         JointRow {
             joint: joint.name.clone(),
             unit,

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::Recording;
 use raven::robot::Robot;
@@ -36,7 +37,7 @@ pub struct Args {
     /// Robot file, nominal or identified.
     #[arg(long, required = true)]
     robot: Option<PathBuf>,
-    /// Cameras the tips were tracked with; checked for being readable.
+    /// Cameras the tips were tracked with; held against those that the log says it was tracked with.
     #[arg(long)]
     cameras: Option<PathBuf>,
     /// States of the filter: the paper's six, or nine with a slow bias per joint.
@@ -104,18 +105,15 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     let started = Instant::now();
     let Some(robot_path) = &args.robot else { return Err(Error::Argument("--robot is needed.".to_owned())) };
+    let outputs = [("-o", args.output.as_deref()), ("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())];
+    files::apart(args.logs.iter().chain(&args.robot).chain(&args.cameras), &outputs)?;
     let robot = Robot::read(robot_path)?;
     robot.arm()?;
-    if let Some(cameras) = &args.cameras {
-        raven::camera::Cameras::read(cameras)?;
-    }
+    let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     for (option, is_given) in [("-o", args.output.is_some()), ("--plot", args.plot.is_some())] {
         if is_given && args.logs.len() > 1 {
             return Err(Error::Argument(format!("{option} takes the estimates of one log; give one log or leave {option} away.")));
         }
-    }
-    if let Some(output) = &args.output {
-        args.logs.iter().try_for_each(|log| files::apart(log, output))?;
     }
     files::distinct(&args.logs)?;
     let settings = Settings { filter: args.filter, occlude: args.occlude, occlusion: args.occlusion, tuning: None };
@@ -124,6 +122,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let mut summaries = Vec::new();
     for path in &args.logs {
         let recording = Recording::read(path, &(&robot).into())?;
+        if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
+            cameras.warn_if_others_tracked(cameras_path, [(path, Cameras::of_tracked(&recording))])?;
+        }
         let (estimates, filter) = estimate::estimate(&recording, &robot, &settings)?;
         if let Some(reference) = &recording.joint_encoders {
             raven::observation::three_joints(reference, &recording)?;

@@ -1,5 +1,6 @@
 //! What `raven-replay` prints and writes.
 
+use std::f64::consts::TAU;
 use std::fmt;
 use std::path::Path;
 
@@ -8,7 +9,7 @@ use raven::filter::FilterRun;
 use raven::filter::consistency::{self, NormalisedSquares, Whiteness};
 use raven::log::{JointSeries, LogWriter, Recording, topics};
 use raven::plot::{self, Mark, Panel, Series};
-use raven::robot::Robot;
+use raven::robot::{Arm, Robot};
 use raven::stats::TTest;
 use raven::{Result, files};
 use serde::Serialize;
@@ -92,7 +93,8 @@ impl Report {
     /// Over all logs, `errors` per joint and log; empty where no log has reference encoders.
     pub fn new(robot: &Robot, errors: &[Vec<JointErrors>; 3], logs: Vec<LogSummary>, seconds: f64) -> Self {
         let known = errors.iter().zip(&robot.joints).filter(|(errors, _)| !errors.is_empty());
-        let joints = known.map(|(errors, joint)| concatenate(errors).row(joint)).collect();
+        let counts = counts(robot);
+        let joints = known.zip(counts).map(|((errors, joint), count)| concatenate(errors).row(joint, count)).collect();
         let paired_t = errors.iter().filter(|errors| !errors.is_empty()).map(|errors| paired(errors)).collect();
         let left_out = within_images(robot).into_iter().map(|effect| effect.id.clone()).collect();
         Self { joints, paired_t, logs, left_out, seconds }
@@ -128,6 +130,13 @@ impl fmt::Display for Report {
             )?;
         }
         for log in &self.logs {
+            if log.tips == 0 {
+                writeln!(
+                    out,
+                    "{} has no tip that was seen: the filter and the smoother follow the motors alone. `raven-track` finds tips in images.",
+                    log.log
+                )?;
+            }
             log.sentences(out)?;
         }
         for id in &self.left_out {
@@ -135,6 +144,13 @@ impl fmt::Display for Report {
         }
         Ok(())
     }
+}
+
+/// What one count of each motor's encoder is at the joint [rad or m].
+fn counts(robot: &Robot) -> [f64; 3] {
+    let per_turn = robot.encoder.map(|encoder| encoder.counts_per_revolution);
+    let of_joint = |arm: Arm| arm.transmission.ratio.map(|ratio| per_turn.map_or(0.0, |counts| TAU / (counts * ratio.abs()))).into();
+    robot.arm().map_or([0.0; 3], of_joint)
 }
 
 fn concatenate(errors: &[JointErrors]) -> JointErrors {

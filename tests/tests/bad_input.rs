@@ -115,3 +115,54 @@ fn an_empty_selection() {
     let unknown = ["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--parameters", "r_l9", "-o", "{never.yaml}"];
     fails(raven_identify::run, &unknown, &["r_l9"]);
 }
+
+#[test]
+fn cameras_of_another_size_than_the_log_was_tracked_with() {
+    let cameras = std::fs::read_to_string(SESSION.path().join("cameras.yaml")).unwrap();
+    let larger = cameras.replace("image_width: 640", "image_width: 1280");
+    assert_ne!(larger, cameras);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("larger.yaml");
+    std::fs::write(&path, larger).unwrap();
+    let arguments = ["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", path.to_str().unwrap()];
+    let must_say = ["larger.yaml", "left.image_width", "1280 x 480", "log.mcap", "640 x 480", "track it anew"];
+    fails(raven_replay::run, &arguments, &must_say);
+    fails(raven_identify::run, &arguments, &must_say);
+    fails(raven_diagnose::run, &arguments, &must_say);
+}
+
+#[test]
+fn what_is_read_is_never_written_over() {
+    let (robot, cameras) = (["--robot", "{robot.yaml}"], ["--cameras", "{cameras.yaml}"]);
+    let both = [robot, cameras].concat();
+    for onto in ["{robot.yaml}", "{cameras.yaml}"] {
+        for option in ["--json", "--html"] {
+            let said = [option, "written over", "yaml"];
+            let tail = ["-o", "{never.mcap}", option, onto];
+            fails(raven_track::run, &[["{log.mcap}"].as_slice(), &both, &tail].concat(), &said);
+            fails(raven_diagnose::run, &[["{log.mcap}", "--gap-only"].as_slice(), &both, &tail[2..]].concat(), &said);
+        }
+        for option in ["-o", "--json", "--plot"] {
+            let arguments = [["{log.mcap}"].as_slice(), &both, &[option, onto]].concat();
+            fails(raven_replay::run, &arguments, &[option, "written over"]);
+            fails(raven_identify::run, &arguments, &[option, "written over"]);
+        }
+        let added = ["--add-effect", "pulley-radius:shoulder=-0.05", "-o", onto];
+        fails(raven_identify::run, &[both.as_slice(), &added].concat(), &["-o", "written over"]);
+        let registered = [["register", "{log.mcap}"].as_slice(), &both, &["--json", onto]].concat();
+        fails(raven_calibrate::run, &registered, &["--json", "written over"]);
+    }
+    fails(
+        raven_track::run,
+        &[["colour", "{log.mcap}"].as_slice(), &cameras, &["--json", "{cameras.yaml}"]].concat(),
+        &["--json", "written over"],
+    );
+    fails(raven_calibrate::run, &[["register", "{log.mcap}"].as_slice(), &both, &["-o", "{robot.yaml}"]].concat(), &["-o", "written over"]);
+    fails(raven_identify::run, &[["excite"].as_slice(), &robot, &["-o", "{robot.yaml}"]].concat(), &["-o", "written over"]);
+    fails(raven_identify::run, &["export", "{robot.yaml}", "--format", "defines", "-o", "{robot.yaml}"], &["-o", "written over"]);
+    for option in ["--truth", "--cameras-out"] {
+        let simulated = ["simulate", "--motion", "hardstop", "--duration", "1", "-o", "{never.mcap}", option, "{robot.yaml}"];
+        fails(raven_capture::run, &[simulated.as_slice(), &robot].concat(), &[option, "written over"]);
+    }
+    fails(raven_diagnose::check::run, &[["--verdicts", "{robot.yaml}"], robot].concat(), &["--verdicts", "written over"]);
+}

@@ -4,12 +4,22 @@ use std::path::Path;
 
 use image::RgbImage;
 use raven::camera::Cameras;
-use raven::log::{CameraFrame, Side, Stamp, frames};
+use raven::log::{CameraFrame, Recording, Side, Stamp, frames};
 use raven::{Error, Result};
 use rayon::prelude::*;
 
 /// Frames that are read at a time. Two batches are in memory: decoded, 2 x 32 x 0.9 MB at 640x480.
 const BATCH: usize = 32;
+
+/// Frames of both cameras belong together if their stamps are within this part of the interval between frames: free-running ones are half an
+/// interval apart at most.
+const PAIR_WITHIN: f64 = 0.55;
+
+/// How far apart the stamps of a pair of frames may be [s].
+#[must_use]
+pub fn pair_within_s(recording: &Recording) -> f64 {
+    PAIR_WITHIN * recording.frame_interval_s.unwrap_or(recording.duration_s)
+}
 
 /// How many frames there were and what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

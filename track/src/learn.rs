@@ -11,7 +11,7 @@ use nalgebra::Vector2;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::stats::{quantiles, robust_std};
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -67,6 +67,7 @@ pub struct Learned {
 /// # Errors
 /// If nothing or more than one thing in view can be the marker.
 pub fn run(args: &Colour, out: &mut dyn Write) -> Result<Outcome> {
+    files::apart([&args.log, &args.cameras], &[("--json", args.json.as_deref())])?;
     let learned = learn(&args.log, &Cameras::read(&args.cameras)?, args.size.marker_radius_m)?;
     let Learned { hue_deg: [from, to], min_saturation, min_value, marker_left_m: [x, y, z], pairs_seen, pairs, share_around } = &learned;
     let text = format!(

@@ -151,7 +151,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 
 fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
-    files::apart(&args.log, &args.output)?;
+    let outputs = [("-o", Some(args.output.as_path())), ("--json", args.json.as_deref()), ("--html", args.html.as_deref())];
+    files::apart([&args.log, &args.robot, &args.cameras], &outputs)?;
     let robot_text = files::read_text(&args.robot)?;
     let robot = Robot::parse(&args.robot, &robot_text)?;
     let cameras_text = files::read_text(&args.cameras)?;
@@ -168,7 +169,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
 
     let marker = appearance.marker(if args.refine { Centre::Refined } else { args.centre });
     let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
-    let pair_within_s = 0.55 * recording.duration_s / frames[0].max(frames[1]) as f64;
+    let pair_within_s = batches::pair_within_s(&recording);
     let bar = cli::progress(frames[0] + frames[1], "tracking");
     let mut album = args.html.as_ref().map(|_| Album::new(marker.colour));
     let counts = batches::for_each_encoded(&args.log, &cameras, pair_within_s, |step| {

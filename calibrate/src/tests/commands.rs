@@ -75,6 +75,9 @@ fn files_and_a_log_of_the_same_pictures_give_the_same_cameras() {
         assert!((a - b).abs() <= 1e-12 * a, "{key}: {a} {b}");
     }
     assert!(text.contains("Boards used: 6 left, 6 right, 6 of them by both at once."), "{text}");
+    assert!(!text.contains("swapped"), "{text}");
+    let (swapped, _) = calibrate(&[&["cameras", "--left", &right, "--right", &left][..], &board].concat()).unwrap();
+    assert!(swapped.contains("The right camera stands 40.0 mm to the left of the left one"), "{swapped}");
     let read = Cameras::read(Path::new(&output)).unwrap();
     assert!((read.left.fx - 300.0).abs() < 1.0 && (read.right.fx - 304.0).abs() < 1.0, "{} {}", read.left.fx, read.right.fx);
     assert!((read.baseline_m() - 0.04).abs() < 5e-5, "{}", read.baseline_m());

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use raven::log::{LogWriter, Side, Stamp, topics};
+use raven::log::{CameraFrame, FrameData, LogWriter, Side, Stamp, topics};
 use raven::{Error, Result};
 
 use super::Imported;
@@ -30,7 +30,7 @@ pub fn import(folder: &Path, rate_hz: f64, output: &Path) -> Result<Imported> {
             *place = Some(path);
         }
     }
-    let (mut imported, mut alone) = (Imported::default(), Vec::new());
+    let (mut imported, mut alone, mut unreadable) = (Imported::default(), Vec::new(), Vec::new());
     let mut log = LogWriter::create(output)?;
     for (i, (number, pair)) in pairs.into_iter().enumerate() {
         let [Some(left), Some(right)] = pair else {
@@ -42,6 +42,9 @@ pub fn import(folder: &Path, rate_hz: f64, output: &Path) -> Result<Imported> {
         for (side, path) in [(Side::Left, left), (Side::Right, right)] {
             let bytes = fs::read(&path).map_err(|e| Error::io(&path, "read", e))?;
             log.compressed_image(side, stamp, 0, &bytes)?;
+            if !is_picture(side, stamp, bytes) {
+                unreadable.push(path);
+            }
             imported.messages += 1;
         }
     }
@@ -54,8 +57,24 @@ pub fn import(folder: &Path, rate_hz: f64, output: &Path) -> Result<Imported> {
     imported.topics = Side::BOTH.map(|side| topics::compressed(side).to_owned()).to_vec();
     imported.lost =
         alone.iter().map(|path| format!("{}: the other camera has no picture of this number; it is left out.", path.display())).collect();
+    if let Some(first) = unreadable.first() {
+        let (count, all) = (unreadable.len(), imported.messages);
+        let sentence = format!(
+            "{count} of {all} pictures are cut off or no JPEG or PNG and cannot be decoded; they are in the recording as they are. The first of \
+             them: {}.",
+            first.display()
+        );
+        imported.lost.push(sentence);
+    }
     log.finish()?;
     Ok(imported)
+}
+
+/// Whether a picture is whole, as far as its ends tell.
+fn is_picture(side: Side, stamp: Stamp, bytes: Vec<u8>) -> bool {
+    let data = FrameData::Jpeg(bytes);
+    let frame = CameraFrame { side, stamp, log_time: stamp, frame_id: String::new(), sequence: None, data };
+    frame.size().is_ok() && !frame.is_truncated()
 }
 
 /// JPEG and PNG files in a folder and in its folders `left` and `right`.

@@ -57,6 +57,7 @@ pub struct Imported {
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let output = with_extension(&args.output);
     files::unused(&output)?;
+    files::apart([&args.input], &[("--json", args.json.as_deref())])?;
     let imported = if args.input.is_dir() {
         images::import(&args.input, args.fps, &output)?
     } else {

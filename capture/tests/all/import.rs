@@ -184,6 +184,27 @@ fn pictures_are_paired_by_their_numbers() {
     assert!(said.contains("are both number 5 of the left camera"), "{said}");
 }
 
+#[test]
+fn pictures_that_are_none_are_counted_and_the_first_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, json) = (folder.path().join("boards"), folder.path().join("said.json"));
+    std::fs::create_dir(&input).unwrap();
+    for name in ["left1.png", "right1.png", "left2.png"] {
+        image::RgbImage::new(8, 8).save(input.join(name)).unwrap();
+    }
+    std::fs::write(input.join("right2.png"), "garbage").unwrap();
+    let said = |name: &str| {
+        let outcome = import(&input, &folder.path().join(name), &["--json", json.to_str().unwrap()]).unwrap();
+        let said: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+        (outcome, said["lost"].to_string())
+    };
+    let (outcome, lost) = said("some.mcap");
+    assert_eq!(outcome, Outcome::DataLost);
+    assert!(lost.contains("1 of 4 pictures") && lost.contains("right2.png"), "{lost}");
+    ["left2.png", "right2.png"].iter().for_each(|name| std::fs::remove_file(input.join(name)).unwrap());
+    assert_eq!(said("whole.mcap"), (Outcome::Done, "[]".to_owned()));
+}
+
 proptest! {
     #[test]
     fn no_bytes_break_the_reader(cut in 0_usize..6000, at in 0_usize..6000, byte in any::<u8>()) {

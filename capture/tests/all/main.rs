@@ -9,3 +9,4 @@ mod readers;
 mod record;
 mod robot;
 mod rosmaster;
+mod stopped;

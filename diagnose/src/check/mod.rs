@@ -30,8 +30,8 @@ use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::robot::{Robot, nominal};
-use raven::simulation::{SealedFolder, sealed_set};
-use raven::{Error, Result};
+use raven::simulation::{CAMERAS, LABELS, LABELS_SUM, SealedFolder, sealed_set};
+use raven::{Error, Result, files};
 
 /// Diagnoses the recordings of a sealed folder blind, then opens the labels and prints the score.
 ///
@@ -78,14 +78,17 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let folder = match &args.folder {
         Some(folder) => folder.as_path(),
         None => {
-            passing = passing_folder()?;
+            passing = files::temporary_folder()?;
             passing.path()
         }
     };
+    let sealed = [CAMERAS, LABELS, LABELS_SUM].map(|name| folder.join(name));
+    let outputs = [("--verdicts", Some(args.verdicts.as_path())), ("--json", args.json.as_deref())];
+    files::apart(sealed.iter().chain(&args.robot).chain(&args.cameras), &outputs)?;
     if let Some(count) = args.simulate {
         simulate(&robot, args.seed, usize::from(count), folder)?;
     }
-    let cameras_path = args.cameras.clone().unwrap_or_else(|| folder.join("cameras.yaml"));
+    let cameras_path = args.cameras.clone().unwrap_or_else(|| folder.join(CAMERAS));
     let cameras = if args.cameras.is_some() || cameras_path.exists() { Some(Cameras::read(&cameras_path)?) } else { None };
     let diagnose = |log: &Path| crate::diagnose_recording(log, &robot, cameras.as_ref());
     let oracle = |log: &Path, effects: &[(&str, Option<&str>)]| crate::when_told(log, &robot, cameras.as_ref(), effects);
@@ -137,7 +140,7 @@ pub fn check(
     let committed = Committed::write(verdicts, &answers)?;
     cli::print(out, &format!("verdicts: SHA-256 {}  {}\n", committed.sum(), verdicts.display()))?;
     let labels = committed.open_labels(folder)?;
-    cli::print(out, &format!("labels:   SHA-256 as sealed in {}\n", folder.join(raven::simulation::LABELS_SUM).display()))?;
+    cli::print(out, &format!("labels:   SHA-256 as sealed in {}\n", folder.join(LABELS_SUM).display()))?;
     let bar = cli::progress(recordings.len() as u64, "fitting what is true");
     for (answer, path) in answers.iter_mut().zip(&recordings) {
         let Some(label) = labels.get(&answer.name) else {
@@ -168,11 +171,6 @@ fn recordings(folder: &Path) -> Result<Vec<PathBuf>> {
         return Err(Error::file(folder, "there is no recording NAME.mcap in it."));
     }
     Ok(paths)
-}
-
-/// A folder that goes away with what is returned.
-fn passing_folder() -> Result<tempfile::TempDir> {
-    tempfile::tempdir().map_err(|e| Error::io(&std::env::temp_dir(), "create a folder in", e))
 }
 
 /// Makes a sealed set in a folder.

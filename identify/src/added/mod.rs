@@ -32,6 +32,7 @@ struct Sized {
 /// With a sentence, if an effect is unknown, not in the diagnosis, at no such joint, beyond what hardware can have, or belongs to the
 /// cameras; or if a file cannot be read or written.
 pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
+    args.apart()?;
     let has_table = args.has_table()?;
     let output = args.output.as_deref().ok_or_else(|| Error::Argument("-o is missing: the robot file to write.".to_owned()))?;
     let before = Robot::read(args.robot()?)?;

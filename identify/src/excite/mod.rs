@@ -17,7 +17,7 @@ use raven::camera::Quality;
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
 use raven::simulation::CYCLE_S;
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 use rayon::prelude::*;
 
 use crate::args::Excite;
@@ -49,6 +49,7 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     if !(DURATION_S[0]..=DURATION_S[1]).contains(&args.duration) {
         return Err(Error::Argument(format!("--duration is {}, expected {} to {} s.", args.duration, DURATION_S[0], DURATION_S[1])));
     }
+    files::apart([&args.robot], &[("-o", args.output.as_deref())])?;
     let robot = Robot::read(&args.robot)?;
     let names = args.parameters.clone().unwrap_or_else(|| ["r_l", "offset", "k_e", "b_e", "F_c", "latency"].map(str::to_owned).to_vec());
     let unknowns = priors::unknowns(&robot, &Selection::named(&names)?, &Quality::default())?;

@@ -28,6 +28,7 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
     if args.base.is_some() && args.format != Format::R2params {
         return Err(Error::Argument("--base goes with --format r2params, whose gains it holds.".to_owned()));
     }
+    files::apart([&args.identified], &[("-o", Some(&args.output))])?;
     let robot = Robot::read(&args.identified)?;
     let calibration = Calibration::new(&args.identified, &robot)?;
     let text = match args.format {

@@ -27,6 +27,14 @@ type Parameters = BTreeMap<String, serde_json::Value>;
 /// If the base is not the YAML of a parameter file.
 pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<String> {
     let before: Parameters = parse_yaml(path, base)?;
+    let is_ours = ["format", "right_from_left"].into_iter().find(|key| before.contains_key(*key));
+    if let Some(key) = is_ours {
+        let what = if key == "format" { "robot file" } else { "camera file" };
+        return Err(Error::file(
+            path,
+            format!("`{key}` stands in it as in a {what}; --base is the controller's own r2params.yaml, whose gains stay as they are."),
+        ));
+    }
     let after = &calibration.after;
     let arm = after.arm_name();
     let eight = |first: [f64; 3], tool: [f64; 4]| [&first[..], &[0.0], &tool[..]].concat();

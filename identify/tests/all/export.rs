@@ -199,6 +199,8 @@ fn a_base_that_cannot_be_kept_is_refused() {
     assert!(refused("tr_gold: [1.0]\nx: 1\ntr_gold: [2.0]\n").contains("tr_gold"));
     assert!(refused("{gains_gold_kp: [1.0], tr_gold: [2.0]}\n").contains("base.yaml"));
     assert!(refused("- a list\n").contains("base.yaml"));
+    let ours = folder.export("r2params", Some("identified.yaml"), "new.yaml").unwrap_err();
+    assert!(ours.contains("identified.yaml: `format` stands in it as in a robot file; --base is the controller's own"), "{ours}");
     assert!(folder.export("r2params", None, "new.yaml").unwrap_err().contains("--base"));
     assert!(folder.export("defines", Some("r2params.yaml"), "new.h").unwrap_err().contains("--base"));
     assert!(!folder.path("new.yaml").exists());

@@ -5,6 +5,7 @@
 mod file;
 mod pinhole;
 mod stereo;
+mod tracked;
 
 pub use file::Quality;
 pub use pinhole::Pinhole;

@@ -12,7 +12,7 @@ fn webcam() -> Pinhole {
     Pinhole { width: 640, height: 480, fx: 600.0, fy: 602.0, cx: 322.0, cy: 236.0, distortion: [-0.29, 0.1, 1e-3, -5e-4, 0.02] }
 }
 
-fn pair() -> Cameras {
+pub(super) fn pair() -> Cameras {
     Cameras {
         left: webcam(),
         right: Pinhole { cx: 316.0, ..webcam() },

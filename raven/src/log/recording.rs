@@ -62,6 +62,8 @@ pub struct Recording {
     pub joint_encoders: Option<JointSeries>,
     /// Tip observations in the order of time. One without finite numbers counts as occluded.
     pub tip: Vec<TipObservation>,
+    /// Median interval between the frames of a camera, of the faster one (s); `None` where no camera has two.
+    pub frame_interval_s: Option<f64>,
     /// Stored files by name.
     pub attachments: BTreeMap<String, Vec<u8>>,
     /// Number of messages by topic.
@@ -155,7 +157,7 @@ struct Reader<'s> {
     encoders: Option<SeriesBuilder>,
     tip: Vec<TipObservation>,
     tip_quality: StreamQuality,
-    image_span: Option<(Stamp, Stamp)>,
+    image_stamps: BTreeMap<String, Vec<Stamp>>,
     session: BTreeMap<String, String>,
     attachments: BTreeMap<String, Vec<u8>>,
     topics: BTreeMap<String, u64>,
@@ -175,7 +177,7 @@ impl<'s> Reader<'s> {
             encoders: None,
             tip: Vec::new(),
             tip_quality: StreamQuality::default(),
-            image_span: None,
+            image_stamps: BTreeMap::new(),
             session: BTreeMap::new(),
             attachments: BTreeMap::new(),
             topics: BTreeMap::new(),
@@ -249,8 +251,7 @@ impl<'s> Reader<'s> {
             },
             Handler::Image(stamps) => {
                 let stamp = stamps.read(message.data).unwrap_or(message.publish_time);
-                let (first, last) = self.image_span.unwrap_or((stamp, stamp));
-                self.image_span = Some((first.min(stamp), last.max(stamp)));
+                self.image_stamps.entry(message.channel.topic.clone()).or_default().push(stamp);
             }
             Handler::Ignored => {}
         }
@@ -272,12 +273,15 @@ impl<'s> Reader<'s> {
         let builders = [&self.motor, &self.encoders];
         let firsts = builders.iter().filter_map(|builder| builder.as_ref()?.first()).chain(stamps.iter().min().copied());
         let lasts = builders.iter().filter_map(|builder| builder.as_ref()?.last()).chain(stamps.iter().max().copied());
-        let span = firsts.min().zip(lasts.max()).or(self.image_span);
+        let images = || self.image_stamps.values().flatten().copied();
+        let span = firsts.min().zip(lasts.max()).or_else(|| images().min().zip(images().max()));
         let Some((start, end)) = span else {
             let topics = list(&self.topics);
             return Err(Error::file(path, format!("the log has no robot, tip or camera messages. Topics in the file: {topics}.")));
         };
 
+        let intervals = self.image_stamps.values().filter_map(|stamps| StreamQuality::of(stamps).median_interval_s);
+        let frame_interval_s = intervals.min_by(f64::total_cmp);
         let mut quality = BTreeMap::new();
         let mut tip_quality = StreamQuality::of(&stamps);
         (tip_quality.without_stamp, tip_quality.non_finite, tip_quality.undecodable) =
@@ -317,6 +321,7 @@ impl<'s> Reader<'s> {
             encoder_counts,
             joint_encoders: encoders.map(|(series, _)| series),
             tip: self.tip,
+            frame_interval_s,
             attachments: self.attachments,
             topics: self.topics,
             quality,

@@ -30,7 +30,7 @@ pub const LABELS: &str = "labels.json";
 /// File of their sum.
 pub const LABELS_SUM: &str = "labels.sha256";
 /// File of the cameras.
-const CAMERAS: &str = "cameras.yaml";
+pub const CAMERAS: &str = "cameras.yaml";
 
 /// One number or several.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

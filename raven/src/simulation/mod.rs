@@ -29,7 +29,7 @@ mod truth;
 
 pub use controller::{CYCLE_S, Controller, Cycle, SetPoint};
 pub use effect::{Effect, EffectKind, Scope, Value};
-pub use folder::{LABELS, LABELS_SUM, Label, LabelEffect, Labels, Magnitude, SealedFolder};
+pub use folder::{CAMERAS, LABELS, LABELS_SUM, Label, LabelEffect, Labels, Magnitude, SealedFolder};
 pub use lot::{Case, Lot, sealed_set};
 pub use machine::{Drive, Load, Machine};
 pub use motion::{Limits, Motion, Trajectory, minimum_jerk};

@@ -23,8 +23,10 @@ use crate::robot::{ArmSide, JointType, Kinematics, KinematicsKind, Robot, Source
 use crate::{Error, Result};
 
 /// What a recording holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Written {
+    /// Its length [s]: a board takes whole seconds.
+    pub duration_s: f64,
     /// Messages of the motor side.
     pub robot: usize,
     /// Messages of the reference encoders.
@@ -125,7 +127,7 @@ impl Session {
         })?;
         let mut log = self.create(motion, path)?;
         let mut robot = RobotMessages { session: self, recorder: &recorder, trace: &trace, next: 0 };
-        let mut written = Written::default();
+        let mut written = Written { duration_s, ..Written::default() };
         if let (Some(rig), Some(kinematics)) = (&self.truth.rig, self.truth.machine.kinematics()) {
             if images {
                 let registration = rig.actual.base_from_left.unwrap_or_default();
@@ -173,7 +175,7 @@ impl Session {
         let poses = board_poses(&BOARD, &rig.actual, poses as usize, &mut stream(self.truth.seed, "board"))?;
         let shots = stills(&left, &right, poses.len());
         let mut log = self.create(Motion::Board, path)?;
-        let mut written = Written::default();
+        let mut written = Written { duration_s: poses.len() as f64, ..Written::default() };
         self.film(&mut log, Motion::Board, &Scene::Board(BOARD, &poses), &shots, &mut written, |_, _, done| {
             progress(done);
             Ok(())

@@ -1,6 +1,8 @@
 //! Transcripts of the command line, and the paper's experiments in short.
 
 use clap::Parser;
+use raven::robot::nominal;
+use raven::simulation::{Motion, Options, Session};
 
 #[test]
 fn transcripts() {
@@ -30,4 +32,25 @@ fn the_papers_experiments_run_with_one_command() {
         let svg = std::fs::read(folder.path().join(format!("figure-{figure}.svg"))).unwrap();
         assert!(svg.starts_with(b"<svg") && svg.len() < 300_000, "{figure}: {} bytes", svg.len());
     }
+}
+
+#[test]
+fn no_tips_are_told_and_nothing_is_better_than_no_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    nominal::gold().write(&file("robot.yaml")).unwrap();
+    let session = Session::new(&nominal::gold(), Options::default()).unwrap();
+    session.record(Motion::Hardstop, 3.0, &file("hardstop.mcap"), |_| {}).unwrap();
+    let untracked = Session::new(&nominal::gold(), Options { images: true, rate_hz: 1.0, ..Options::default() }).unwrap();
+    untracked.record(Motion::Sinusoid, 3.0, &file("untracked.mcap"), |_| {}).unwrap();
+    let said = |log: &str| {
+        let (log, robot) = (file(log).display().to_string(), file("robot.yaml").display().to_string());
+        let mut printed = Vec::new();
+        raven_replay::run(raven_replay::Args::parse_from(["raven-replay", &log, "--robot", &robot]), &mut printed).unwrap();
+        String::from_utf8(printed).unwrap()
+    };
+    let hardstop = said("hardstop.mcap");
+    assert!(!hardstop.contains(" %  ") && !hardstop.contains("no tip"), "{hardstop}");
+    let untracked = said("untracked.mcap");
+    assert!(untracked.contains("untracked.mcap has no tip that was seen") && untracked.contains("raven-track"), "{untracked}");
 }

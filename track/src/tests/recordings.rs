@@ -5,11 +5,11 @@ use std::sync::LazyLock;
 
 use clap::Parser;
 use raven::cli::Outcome;
-use raven::log::{Item, LogWriter, RawMessage, Walker, topics};
+use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Walker, topics};
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, Session};
 
-use crate::{Args, run};
+use crate::{Args, batches, run};
 
 const SECONDS: f64 = 8.0;
 
@@ -267,4 +267,35 @@ fn what_cannot_be_tracked_is_said_in_a_sentence() {
     session.record(Motion::Board, 1.0, &board, |_| {}).unwrap();
     let board = track(&board, &cameras(), &[]).unwrap_err();
     assert!(board.contains("no motor positions"), "{board}");
+}
+
+#[test]
+fn frames_are_paired_by_their_own_interval_however_long_the_motors_were_recorded() {
+    let path = LAB.path().join("log.mcap");
+    let folder = tempfile::tempdir().unwrap();
+    let short = folder.path().join("short.mcap");
+    let mut log = LogWriter::create(&short).unwrap();
+    let (mut channels, mut first) = (std::collections::HashMap::new(), None);
+    let copy = |item: Item<'_>| {
+        match item {
+            Item::Channel(channel) => {
+                channels.insert(channel.id, log.copy_channel(channel)?);
+            }
+            Item::Message(message) => {
+                let start = *first.get_or_insert(message.publish_time);
+                if topics::camera_of(&message.channel.topic).is_some() || message.publish_time.seconds_since(start) < 1.0 {
+                    log.copy_message(channels[&message.channel.id], &message)?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    };
+    Walker::open(&path).unwrap().run(copy).unwrap();
+    log.finish().unwrap();
+    for log in [path, short] {
+        let recording = Recording::read(&log, &MotorSource::default()).unwrap();
+        let within_s = batches::pair_within_s(&recording);
+        assert!((15.0 * within_s - 0.55).abs() < 0.02, "{within_s} s of {} s", recording.duration_s);
+    }
 }

@@ -1,0 +1,117 @@
+//! Whether cameras are those that a recording was tracked with, whose file it carries.
+
+use std::path::Path;
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+use super::{Cameras, Pinhole};
+use crate::log::Recording;
+use crate::{Error, Result, cli};
+
+/// Name of the cameras' file in a tracked recording.
+const ATTACHED: &str = "cameras.yaml";
+/// Two calibrations of the same cameras put a point nearer than this in their images [px] and before the robot [m].
+const SAME_PX: f64 = 1.0;
+const SAME_M: f64 = 1e-3;
+/// Where points are compared: at so many baselines before the left camera, and at parts of its image.
+const BASELINES: f64 = 8.0;
+const PARTS: [f64; 3] = [0.1, 0.5, 0.9];
+
+impl Cameras {
+    /// The cameras that a recording was tracked with, where it says so.
+    #[must_use]
+    pub fn of_tracked(recording: &Recording) -> Option<Self> {
+        let text = std::str::from_utf8(recording.attachments.get(ATTACHED)?).ok()?;
+        Self::parse(&recording.path, text).ok()
+    }
+
+    /// Warns of every log that was tracked with other cameras than these, which came from `path`; `None` where it does not say.
+    ///
+    /// # Errors
+    /// If a log was tracked with cameras whose images have another size.
+    pub fn warn_if_others_tracked(&self, path: &Path, tracked: impl IntoIterator<Item = (impl AsRef<Path>, Option<Self>)>) -> Result<()> {
+        for (log, tracked) in tracked {
+            let sentence = tracked.map_or(Ok(None), |tracked| self.compared_with(path, &tracked, log.as_ref()))?;
+            sentence.iter().for_each(|sentence| cli::warn(sentence));
+        }
+        Ok(())
+    }
+
+    /// A sentence where these cameras, which came from `path`, see things elsewhere than those that `log` was tracked with.
+    ///
+    /// # Errors
+    /// If their images have other sizes: they are not the same cameras.
+    fn compared_with(&self, path: &Path, tracked: &Self, log: &Path) -> Result<Option<String>> {
+        let [path_name, log_name] = [path, log].map(Path::display);
+        for (side, own, theirs) in [("left", &self.left, &tracked.left), ("right", &self.right, &tracked.right)] {
+            let size = |camera: &Pinhole| [camera.width, camera.height];
+            if size(own) != size(theirs) {
+                let ([width, height], [as_wide, as_high]) = (size(own), size(theirs));
+                let message = format!(
+                    "{side}.image_width and image_height are {width} x {height}, but {log_name} was tracked with cameras of {as_wide} x {as_high}, \
+                     which it carries as {ATTACHED}; give the file it was tracked with, or track it anew."
+                );
+                return Err(Error::file(path, message));
+            }
+        }
+        let (mut off_px, mut off_m) = (0.0_f64, 0.0_f64);
+        for point in self.before_left() {
+            if let (Some(own), Some(theirs)) = (self.project(&point), tracked.project(&point)) {
+                off_px = own.iter().zip(&theirs).map(|(own, theirs)| (own - theirs).norm()).fold(off_px, f64::max);
+            }
+            if let (Some(own), Some(theirs)) = (self.base_from_left, tracked.base_from_left) {
+                let point = Point3::from(point);
+                off_m = off_m.max((own * point - theirs * point).norm());
+            }
+        }
+        let differences = [(off_px > SAME_PX, format!("{off_px:.1} px")), (off_m > SAME_M, format!("{:.1} mm in frame 0", 1e3 * off_m))];
+        let differences: Vec<String> = differences.into_iter().filter_map(|(is_material, words)| is_material.then_some(words)).collect();
+        Ok((!differences.is_empty()).then(|| {
+            format!(
+                "{path_name} and the cameras that {log_name} was tracked with, which it carries as {ATTACHED}, differ by up to {}; give the file \
+                 it was tracked with, or track it anew.",
+                differences.join(" and ")
+            )
+        }))
+    }
+
+    /// Points all over the left image, where a tool may be.
+    fn before_left(&self) -> impl Iterator<Item = Vector3<f64>> + '_ {
+        let depth_m = BASELINES * self.baseline_m();
+        let pixel = |u: f64, v: f64| Vector2::new(u * f64::from(self.left.width), v * f64::from(self.left.height));
+        let pixels = PARTS.into_iter().flat_map(move |v| PARTS.map(|u| pixel(u, v)));
+        pixels.filter_map(move |pixel| self.left.undistort(&pixel).map(|normal| normal.push(1.0) * depth_m))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Translation3;
+
+    use super::super::tests::pair;
+    use super::*;
+
+    #[test]
+    fn other_cameras_are_told_from_the_same_calibrated_again() {
+        let cameras = pair();
+        let said = |other: &Cameras| cameras.compared_with(Path::new("c.yaml"), other, Path::new("a.mcap")).map_err(|e| e.to_string());
+        assert_eq!(said(&cameras), Ok(None));
+        let mut again = cameras.clone();
+        (again.left.fx, again.right.cy) = (again.left.fx + 0.1, again.right.cy - 0.2);
+        again.base_from_left = Some(Translation3::new(0.0, 2e-4, 0.0) * cameras.base_from_left.unwrap_or_default());
+        assert_eq!(said(&again), Ok(None));
+
+        let mut moved = cameras.clone();
+        moved.right_from_left.translation.x *= 1.1;
+        let sentence = said(&moved).unwrap().unwrap();
+        assert!(["c.yaml", "a.mcap", " px;", "track it anew"].iter().all(|words| sentence.contains(words)), "{sentence}");
+        let mut bumped = cameras.clone();
+        bumped.base_from_left = cameras.base_from_left.map(|pose| Translation3::new(0.0, 0.0, 3e-3) * pose);
+        let sentence = said(&bumped).unwrap().unwrap();
+        assert!(sentence.contains("by up to 3.0 mm in frame 0;"), "{sentence}");
+        let mut larger = cameras.clone();
+        (larger.right.width, larger.right.height) = (1280, 720);
+        let error = said(&larger).unwrap_err();
+        assert!(["c.yaml", "right.image_width", "a.mcap", "of 1280 x 720"].iter().all(|words| error.contains(words)), "{error}");
+    }
+}
