@@ -13,8 +13,8 @@ pub(super) fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {
 }
 
 /// Makes room for effects that are too small to show; returns their probability. `parts_unseen` are the parts of the effects' sizes that are,
-/// `of_all` that of them together, `effects` how many effects there are at their places. Such an effect leaves the evidence as it is without: so much of the probability of
-/// each alone is among them already.
+/// `of_all` that of them together, `effects` how many effects there are at their places. Such an effect leaves the evidence as it is
+/// without: so much of the probability of each alone is among them already.
 pub(super) fn with_unseen(
     probabilities: &mut [(Vec<usize>, f64)],
     parts_unseen: &BTreeMap<usize, f64>,
