@@ -264,8 +264,8 @@ impl Loose {
     }
 }
 
-/// A whitened error of torque, larger by the part of its window in which the drive clips: of a command that is clipped the model does not say how large it is, so the
-/// command has the density of all commands instead of that of the model's errors, which are `TORQUE_MODEL` of them.
+/// A whitened error of torque, larger by the part of its window in which the drive clips: of a command that is clipped the model does not say
+/// how large it is, so the command has the density of all commands instead of that of the model's errors, which are `TORQUE_MODEL` of them.
 pub(super) fn with_clipping(whitened: f64, clipped: f64) -> f64 {
     if clipped == 0.0 || whitened == 0.0 {
         return whitened;
