@@ -179,22 +179,47 @@ impl LinkModel {
     /// A state that is not finite stays as it is.
     #[must_use]
     pub fn advance(&self, state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
-        let steps = |step_s: f64| (duration_s / step_s).ceil().max(1.0);
-        let (coarse, most) = (steps(self.step_max_s), steps(STEP_MIN_S));
         let mut reached = state;
-        if state.is_finite() {
-            for finer in FINER {
-                let steps = (finer * coarse).min(most);
-                reached = self.in_steps(&state, motor, motor_rate, duration_s, steps);
-                if reached.is_finite() || steps == most {
-                    break;
-                }
-            }
-        }
+        self.advance_along(&state, motor, motor_rate, duration_s, |_, state| reached = *state);
         reached
     }
 
-    fn in_steps(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64, steps: f64) -> LinkState {
+    /// As [`Self::advance`]; `pass` hears of the states at the start and after every two milliseconds or so, with the time since then [s], and
+    /// all over again where steps were too few.
+    pub(super) fn advance_along(
+        &self,
+        state: &LinkState,
+        motor: &Vector3<f64>,
+        motor_rate: &Vector3<f64>,
+        duration_s: f64,
+        mut pass: impl FnMut(f64, &LinkState),
+    ) {
+        let steps = |step_s: f64| (duration_s / step_s).ceil().max(1.0);
+        let (coarse, most) = (steps(self.step_max_s), steps(STEP_MIN_S));
+        if !state.is_finite() {
+            pass(0.0, state);
+            pass(duration_s, state);
+            return;
+        }
+        for finer in FINER {
+            let steps = (finer * coarse).min(most);
+            pass(0.0, state);
+            let reached = self.in_steps(state, motor, motor_rate, duration_s, steps, &mut pass);
+            if reached.is_finite() || steps == most {
+                break;
+            }
+        }
+    }
+
+    fn in_steps(
+        &self,
+        state: &LinkState,
+        motor: &Vector3<f64>,
+        motor_rate: &Vector3<f64>,
+        duration_s: f64,
+        steps: f64,
+        pass: &mut impl FnMut(f64, &LinkState),
+    ) -> LinkState {
         let mut state = *state;
         let step_s = duration_s / steps;
         let (steps, sharing) = (steps as usize, (RIGID_S / step_s).round().max(1.0) as usize);
@@ -204,6 +229,7 @@ impl LinkModel {
             for i in first..last {
                 state = self.step_with(&body, &state, &(motor + motor_rate * (i as f64 * step_s)), motor_rate, step_s);
             }
+            pass(last as f64 * step_s, &state);
         }
         state
     }

@@ -131,61 +131,61 @@ impl LinkModel {
                 let start = motor.segment_start(interval);
                 Rolling::from(start, motor.time_s[start], self.resting(&motor.angle[start], begins && start == 0, gripped))
             });
-            while now.to_s < time_s {
+            while now.end_s() < time_s {
                 now.go_on(self, motor);
             }
+            let state = now.at(time_s);
             rolling = Some(now);
-            Some(now.at(time_s))
+            state
         };
         times_s.iter().map(state_at).collect()
     }
 }
 
-/// Longest stretch of a rollout between the ends of which its path is a cubic, as a rule [s].
-const STRETCH_S: f64 = 2e-3;
-
-/// A rollout's latest stretch: where the links are at its ends, whatever times are asked about.
-#[derive(Debug, Clone, Copy)]
+/// A rollout between two samples of the motors, whatever times are asked about.
 struct Rolling {
-    /// Of the motors' samples, the one that the next stretch is in, and how many stretches of it are done.
+    /// The sample that it goes on from.
     interval: usize,
-    done: u32,
-    from_s: f64,
-    to_s: f64,
-    from: LinkState,
-    to: LinkState,
+    /// Where the links were at the sample before and every two milliseconds or so since, at times [s]; the last is at the one it goes on from.
+    path: Vec<(f64, LinkState)>,
 }
 
 impl Rolling {
     fn from(interval: usize, time_s: f64, state: LinkState) -> Self {
-        Self { interval, done: 0, from_s: time_s, to_s: time_s, from: state, to: state }
+        Self { interval, path: vec![(time_s, state)] }
+    }
+
+    fn end_s(&self) -> f64 {
+        self.path.last().map_or(f64::INFINITY, |(time_s, _)| *time_s)
     }
 
     fn go_on(&mut self, links: &LinkModel, motor: &MotorTrack) {
-        let (start_s, end_s) = (motor.time_s[self.interval], motor.time_s[self.interval + 1]);
-        let stretches = ((end_s - start_s) / STRETCH_S).round().max(1.0);
-        (self.from_s, self.from) = (self.to_s, self.to);
-        self.done += 1;
-        let rate = motor.rate(self.interval);
-        let motors = motor.angle[self.interval] + rate * (self.from_s - start_s);
-        self.to_s = start_s + (end_s - start_s) * (f64::from(self.done) / stretches);
-        if f64::from(self.done) >= stretches {
-            (self.to_s, self.interval, self.done) = (end_s, self.interval + 1, 0);
+        let Self { interval, path } = self;
+        let Some((_, state)) = path.pop() else { return };
+        let (start_s, end_s) = (motor.time_s[*interval], motor.time_s[*interval + 1]);
+        links.advance_along(&state, &motor.angle[*interval], &motor.rate(*interval), end_s - start_s, |since_s, state| {
+            if since_s == 0.0 {
+                path.clear();
+            }
+            path.push((start_s + since_s, *state));
+        });
+        if let Some((time_s, _)) = path.last_mut() {
+            *time_s = end_s;
         }
-        self.to = links.advance(self.from, &motors, &rate, self.to_s - self.from_s);
+        *interval += 1;
     }
 
-    /// The cubic through positions and rates at both ends.
-    fn at(&self, time_s: f64) -> LinkState {
-        let length_s = self.to_s - self.from_s;
-        if time_s >= self.to_s || length_s <= 0.0 {
-            return self.to;
-        }
-        let (u, moved) = ((time_s - self.from_s) / length_s, self.to.position - self.from.position);
-        let (a, b) = (self.from.rate * length_s - moved, self.to.rate * length_s - moved);
-        let position = self.from.position + (moved + (a * (1.0 - u) - b * u) * (1.0 - u)) * u;
+    /// On the cubic through positions and rates about a time.
+    fn at(&self, time_s: f64) -> Option<LinkState> {
+        let after = self.path.partition_point(|(at_s, _)| *at_s < time_s);
+        let &(to_s, to) = self.path.get(after)?;
+        let Some(&(from_s, from)) = after.checked_sub(1).and_then(|before| self.path.get(before)) else { return Some(to) };
+        let length_s = to_s - from_s;
+        let (u, moved) = ((time_s - from_s) / length_s, to.position - from.position);
+        let (a, b) = (from.rate * length_s - moved, to.rate * length_s - moved);
+        let position = from.position + (moved + (a * (1.0 - u) - b * u) * (1.0 - u)) * u;
         let rate = (moved + a * ((1.0 - u) * (1.0 - 3.0 * u)) + b * (u * (3.0 * u - 2.0))) / length_s;
-        LinkState { position, rate, ..self.to }
+        Some(LinkState { position, rate, ..to })
     }
 }
 
