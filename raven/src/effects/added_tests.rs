@@ -134,11 +134,11 @@ fn every_effect_has_its_home() {
 fn two_listed_effects_are_two_effects() {
     let old = nominal::gold();
     let [slip, drift] = [("cable-slip", Some("elbow")), ("clock-drift", None)].map(|(id, joint)| Sited::at(&old, id, joint).unwrap());
-    let first = slip.added_to(&old, None, &[5.0, 0.02, 0.05]).unwrap();
+    let first = slip.added_to(&old, None, &[5.0, 0.02, 0.1, 0.05]).unwrap();
     let both = drift.added_to(&first, None, &[3e-4]).unwrap();
-    let by_model = Model::new(&old, None).unwrap().with_values(&slip, &[5.0, 0.02, 0.05]).with_values(&drift, &[3e-4]);
+    let by_model = Model::new(&old, None).unwrap().with_values(&slip, &[5.0, 0.02, 0.1, 0.05]).with_values(&drift, &[3e-4]);
     assert!(apart(&predicted(&Model::new(&both, None).unwrap()).0, &predicted(&by_model).0) < 1e-9);
-    let again = slip.added_to(&both, None, &[5.0, 0.02, 0.05]).unwrap_err().to_string();
+    let again = slip.added_to(&both, None, &[5.0, 0.02, 0.1, 0.05]).unwrap_err().to_string();
     assert!(again.contains("already"), "{again}");
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::{Effect, Measure, Model, Parameter, Scope, Sited};
+use super::{Effect, Measure, Model, Parameter, Scale, Scope, Sited};
 use crate::robot::{JointType, KinematicsKind, ListedEffect, MotorLaws, Robot, nominal};
 use crate::{Error, Result};
 
@@ -110,13 +110,15 @@ impl Sited {
         if let Some(name) = listed.values.keys().find(|name| !names.contains(&name.as_str())) {
             return Err(Error::Argument(format!("{id} has no value `{name}`; it has {}.", names.join(", "))));
         }
-        let value = |parameter: &Parameter| {
-            // What the motion before one recording left is no number of the robot.
-            let otherwise = parameter.scale.is_state().then_some(0.0);
+        let value = |(k, parameter): (usize, &Parameter)| {
+            // What the motion before one recording left is no number of the robot, and a second shape hardly one.
+            let of_shape = |parameter: &Parameter| matches!(parameter.scale, Scale::Shape { .. });
+            let may_lack = parameter.scale.is_state() || (of_shape(parameter) && parameters[..k].iter().any(of_shape));
+            let otherwise = parameter.usual(sited.measure).filter(|_| may_lack);
             let missing = || Error::Argument(format!("{id} lacks the value `{}`; it has {}.", parameter.name, names.join(", ")));
             listed.values.get(parameter.name).copied().or(otherwise).ok_or_else(missing)
         };
-        let values = parameters.iter().map(value).collect::<Result<Vec<f64>>>()?;
+        let values = parameters.iter().enumerate().map(value).collect::<Result<Vec<f64>>>()?;
         sited.check_values(&values)?;
         Ok((sited, values))
     }

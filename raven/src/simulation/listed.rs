@@ -18,6 +18,8 @@ pub fn listed(robot: &Robot) -> Result<Vec<Effect>> {
         let values = match (kind, values.as_slice()) {
             // `a sin(q) + b cos(q) = e sin(q + p)`.
             (EffectKind::PulleyEccentricity, &[sine, cosine]) => vec![f64::hypot(sine, cosine), f64::atan2(cosine, sine)],
+            // Slip sets in at once.
+            (EffectKind::CableSlip, &[force, fraction, ..]) => vec![force, fraction],
             // What the motion before a recording left follows from the session.
             _ => sited.effect.parameters.iter().zip(values).filter(|(p, _)| !p.scale.is_state()).map(|(_, value)| value).collect(),
         };
