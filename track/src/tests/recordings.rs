@@ -41,12 +41,12 @@ fn track(log: &Path, cameras: &Path, more: &[&str]) -> Result<(String, serde_jso
     Ok((String::from_utf8(said).unwrap(), json, outcome))
 }
 
-/// The recording with its frames changed: by camera and by number of the frame, with the time in seconds; `false` leaves the frame out.
-fn changed(change: impl Fn(usize, usize, f64, &mut Vec<u8>) -> bool) -> (tempfile::TempDir, PathBuf) {
+/// The recording with its messages changed; `false` leaves one out.
+fn copied(mut change: impl FnMut(&RawMessage<'_>, &mut Vec<u8>) -> bool) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("changed.mcap");
     let mut log = LogWriter::create(&path).unwrap();
-    let (mut channels, mut counts, mut first) = (std::collections::HashMap::new(), [0; 2], None);
+    let mut channels = std::collections::HashMap::new();
     Walker::open(&LAB.path().join("log.mcap"))
         .unwrap()
         .run(|item| {
@@ -56,13 +56,7 @@ fn changed(change: impl Fn(usize, usize, f64, &mut Vec<u8>) -> bool) -> (tempfil
                 }
                 Item::Message(message) => {
                     let mut data = message.data.to_vec();
-                    let kept = topics::camera_of(&message.channel.topic).is_none_or(|side| {
-                        let k = side as usize;
-                        counts[k] += 1;
-                        let start = *first.get_or_insert(message.publish_time);
-                        change(k, counts[k] - 1, message.publish_time.seconds_since(start), &mut data)
-                    });
-                    if kept {
+                    if change(&message, &mut data) {
                         log.copy_message(channels[&message.channel.id], &RawMessage { data: &data, ..message })?;
                     }
                 }
@@ -73,6 +67,19 @@ fn changed(change: impl Fn(usize, usize, f64, &mut Vec<u8>) -> bool) -> (tempfil
         .unwrap();
     log.finish().unwrap();
     (folder, path)
+}
+
+/// The recording with its frames changed: by camera and by number of the frame, with the time in seconds; `false` leaves the frame out.
+fn changed(change: impl Fn(usize, usize, f64, &mut Vec<u8>) -> bool) -> (tempfile::TempDir, PathBuf) {
+    let (mut counts, mut first) = ([0; 2], None);
+    copied(|message, data| {
+        topics::camera_of(&message.channel.topic).is_none_or(|side| {
+            let k = side as usize;
+            counts[k] += 1;
+            let start = *first.get_or_insert(message.publish_time);
+            change(k, counts[k] - 1, message.publish_time.seconds_since(start), data)
+        })
+    })
 }
 
 fn number(json: &serde_json::Value, key: &str) -> f64 {
@@ -271,29 +278,12 @@ fn what_cannot_be_tracked_is_said_in_a_sentence() {
 
 #[test]
 fn frames_are_paired_by_their_own_interval_however_long_the_motors_were_recorded() {
-    let path = LAB.path().join("log.mcap");
-    let folder = tempfile::tempdir().unwrap();
-    let short = folder.path().join("short.mcap");
-    let mut log = LogWriter::create(&short).unwrap();
-    let (mut channels, mut first) = (std::collections::HashMap::new(), None);
-    let copy = |item: Item<'_>| {
-        match item {
-            Item::Channel(channel) => {
-                channels.insert(channel.id, log.copy_channel(channel)?);
-            }
-            Item::Message(message) => {
-                let start = *first.get_or_insert(message.publish_time);
-                if topics::camera_of(&message.channel.topic).is_some() || message.publish_time.seconds_since(start) < 1.0 {
-                    log.copy_message(channels[&message.channel.id], &message)?;
-                }
-            }
-            _ => {}
-        }
-        Ok(())
-    };
-    Walker::open(&path).unwrap().run(copy).unwrap();
-    log.finish().unwrap();
-    for log in [path, short] {
+    let mut first = None;
+    let (_folder, short) = copied(|message, _| {
+        let start = *first.get_or_insert(message.publish_time);
+        topics::camera_of(&message.channel.topic).is_some() || message.publish_time.seconds_since(start) < 1.0
+    });
+    for log in [LAB.path().join("log.mcap"), short] {
         let recording = Recording::read(&log, &MotorSource::default()).unwrap();
         let within_s = batches::pair_within_s(&recording);
         assert!((15.0 * within_s - 0.55).abs() < 0.02, "{within_s} s of {} s", recording.duration_s);
