@@ -215,7 +215,7 @@ impl Fitter<'_> {
                 Scale::Shape { .. } if alone && is_cheap => &fine,
                 Scale::Shape { .. } if alone => &[-2.5, -1.5, -0.5, 0.5, 1.5],
                 // A second shape is left to the fit.
-                Scale::Shape { .. } if starts[0].iter().zip(parameters).any(|(_, p)| matches!(p.scale, Scale::Shape { .. })) => &[0.0],
+                Scale::Shape { .. } if starts[0].iter().zip(parameters).any(|(_, p)| p.scale.is_shape()) => &[0.0],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
                 // Where the size vanishes, nothing has been anywhere.
                 Scale::State(_) if !sizes_vanish => &[0.0],

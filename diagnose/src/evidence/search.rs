@@ -6,7 +6,6 @@
 
 use nalgebra::DVector;
 use raven::Result;
-use raven::effects::Scale;
 use rayon::prelude::*;
 
 use super::coordinates::ABSENT;
@@ -37,7 +36,7 @@ impl Fitter<'_> {
         let shape_alone = |c: usize| {
             let coordinate = self.coordinates.all[c];
             let parameters = self.coordinates.sited[coordinate.effect].effect.parameters;
-            parameters.len() == 1 && matches!(parameters[0].scale, Scale::Shape { .. })
+            parameters.len() == 1 && parameters[0].scale.is_shape()
         };
         (0..self.coordinates.all.len()).map(|c| if shape_alone(c) { ABSENT } else { 0.0 }).collect()
     }

@@ -57,7 +57,7 @@ fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
 
 /// Well within the priors; forces, lengths and times short enough to show in this motion.
 fn values(sited: &Sited) -> Vec<f64> {
-    let value = |(p, u): (&Parameter, f64)| p.value(if matches!(p.scale, Scale::Shape { .. }) { -1.5 } else { u }, sited.measure);
+    let value = |(p, u): (&Parameter, f64)| p.value(if p.scale.is_shape() { -1.5 } else { u }, sited.measure);
     sited.effect.parameters.iter().zip([0.7, 0.4, -0.5, 0.3]).map(value).collect()
 }
 

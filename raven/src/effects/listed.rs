@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::{Effect, Measure, Model, Parameter, Scale, Scope, Sited};
+use super::{Effect, Measure, Model, Parameter, Scope, Sited};
 use crate::robot::{JointType, KinematicsKind, ListedEffect, MotorLaws, Robot, nominal};
 use crate::{Error, Result};
 
@@ -112,8 +112,8 @@ impl Sited {
         }
         let value = |(k, parameter): (usize, &Parameter)| {
             // What the motion before one recording left is no number of the robot, and a second shape hardly one.
-            let of_shape = |parameter: &Parameter| matches!(parameter.scale, Scale::Shape { .. });
-            let may_lack = parameter.scale.is_state() || (of_shape(parameter) && parameters[..k].iter().any(of_shape));
+            let is_second_shape = parameter.scale.is_shape() && parameters[..k].iter().any(|before| before.scale.is_shape());
+            let may_lack = parameter.scale.is_state() || is_second_shape;
             let otherwise = parameter.usual(sited.measure).filter(|_| may_lack);
             let missing = || Error::Argument(format!("{id} lacks the value `{}`; it has {}.", parameter.name, names.join(", ")));
             listed.values.get(parameter.name).copied().or(otherwise).ok_or_else(missing)

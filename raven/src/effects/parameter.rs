@@ -40,6 +40,12 @@ impl Scale {
         matches!(self, Self::State(_))
     }
 
+    /// Whether the number says what an effect is like whose other number says whether there is one.
+    #[must_use]
+    pub fn is_shape(self) -> bool {
+        matches!(self, Self::Shape { .. })
+    }
+
     /// Whether the number says how large an effect is, as against what it is like.
     #[must_use]
     pub fn is_size(self) -> bool {
