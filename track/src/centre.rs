@@ -17,9 +17,9 @@
 //! is, how it is shared between chroma and luma, how well the edge is described and how much shade there is, and weighs by that: see
 //! `refine`. A refined fit tries the light of one lamp besides, which nine coefficients only follow.
 
-use nalgebra::{SMatrix, SVector, Vector2};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-use crate::correlated::{Influence, Size, centre_variance_px2};
+use crate::correlated::{Determined, Influence, Size, centre_covariance_px2};
 use crate::model::Shade;
 use crate::normal::Normal;
 use crate::patch::Patch;
@@ -57,14 +57,14 @@ const FINE: f64 = 0.1;
 pub(crate) type Vector = SVector<f64, SIZE>;
 pub(crate) type Matrix = SMatrix<f64, SIZE, SIZE>;
 
-/// A centre with its standard deviation per axis, and the radius.
+/// A centre with its covariance, and the radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ball {
     /// Centre of the outline `(u, v)` [px].
     pub centre_px: Vector2<f64>,
-    /// Per axis [px].
-    pub std_px: f64,
-    /// The part of it that is alike in both cameras [px]: what the camera's response makes, and what no residual shows.
+    /// Covariance of the centre [px^2].
+    pub covariance_px2: Matrix2<f64>,
+    /// Standard deviation per axis of the part that is alike in both cameras [px]: what the camera's response makes, and what no residual shows.
     pub alike_px: f64,
     /// Mean radius of the outline [px].
     pub radius_px: f64,
@@ -78,15 +78,14 @@ pub(crate) struct Settled {
     /// Weighted squares of the residuals.
     square: f64,
     covariance: Matrix,
-    /// How many of the unknowns the pixels determined, not the prior.
-    determined: f64,
+    determined: Determined,
 }
 
 impl Settled {
     /// Whether it says as much of a patch as another fit with the same weights, but for what each unknown more explains by chance, and has
     /// fewer unknowns: compression makes what looks like a little light from somewhere.
     fn is_simpler_than(&self, other: &Self) -> bool {
-        let fewer = other.determined - self.determined;
+        let fewer = other.determined.all() - self.determined.all();
         fewer > 0.0 && self.square - other.square < fewer
     }
 
@@ -108,8 +107,8 @@ impl Settled {
     /// Its centre and what it errs by.
     fn ball(&self, evidence: &impl Evidence) -> Ball {
         let Errors { influences, size, alike_px } = evidence.errors(self);
-        let std_px = centre_variance_px2(&influences, self.determined, size).sqrt().hypot(alike_px);
-        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), std_px, alike_px, radius_px: self.x[2] }
+        let covariance_px2 = centre_covariance_px2(&influences, &self.determined, size) + Matrix2::identity() * alike_px.powi(2);
+        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), covariance_px2, alike_px, radius_px: self.x[2] }
     }
 }
 
@@ -228,7 +227,11 @@ impl Start {
                 let covariance = factors.inverse();
                 let std_px = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
                 if largest < enough_px.max(FINE * std_px) {
-                    let determined = SIZE as f64 - stiffness.dot(&covariance.diagonal());
+                    let by_prior = stiffness.component_mul(&covariance.diagonal());
+                    let determined = Determined {
+                        outline: (0..BRIGHTNESS).map(|i| 1.0 - by_prior[i]).sum(),
+                        brightness: (BRIGHTNESS..SIZE).map(|i| 1.0 - by_prior[i]).sum(),
+                    };
                     return Some(Settled { x, shade, square: normal.square, covariance, determined });
                 }
             }

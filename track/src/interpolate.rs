@@ -14,9 +14,9 @@ const LONGEST_STEP: f64 = 1.6;
 pub struct Sample {
     /// Time of the frame [s].
     pub time_s: f64,
-    /// Marker's centre [px] and its standard deviation per axis [px]; `None` where it was not seen.
-    pub centre: Option<(Vector2<f64>, f64)>,
-    /// The part of that deviation that all cameras share [px].
+    /// Marker's centre [px] and its covariance [px^2]; `None` where it was not seen.
+    pub centre: Option<(Vector2<f64>, Matrix2<f64>)>,
+    /// Standard deviation per axis of the part that all cameras share [px].
     pub alike_px: f64,
 }
 
@@ -55,9 +55,9 @@ impl Track {
     pub fn at(&self, time_s: f64) -> Option<Interpolated> {
         let after = self.samples.partition_point(|s| s.time_s < time_s);
         let here = self.samples.get(after).filter(|s| s.time_s == time_s);
-        if let Some((&Sample { alike_px, .. }, (pixel, std))) = here.and_then(|s| Some((s, s.centre?))) {
+        if let Some((&Sample { alike_px, .. }, (pixel, noise))) = here.and_then(|s| Some((s, s.centre?))) {
             let velocity = self.velocity(after);
-            return Some(self.with_jitter(pixel, Matrix2::identity() * (std * std), velocity, alike_px));
+            return Some(self.with_jitter(pixel, noise, velocity, alike_px));
         }
         let before = after.checked_sub(1)?;
         if !self.joined(before) {
@@ -79,9 +79,9 @@ impl Track {
     /// Polynomial through some frames, by Lagrange's weights and their derivatives.
     fn through(&self, frames: std::ops::Range<usize>, time_s: f64) -> Option<Interpolated> {
         let samples = self.samples.get(frames)?;
-        let (mut pixel, mut velocity, mut variance, mut alike_px) = (Vector2::zeros(), Vector2::zeros(), 0.0, 0.0);
+        let (mut pixel, mut velocity, mut noise, mut alike_px) = (Vector2::zeros(), Vector2::zeros(), Matrix2::zeros(), 0.0);
         for (i, sample) in samples.iter().enumerate() {
-            let (centre, std) = sample.centre?;
+            let (centre, covariance) = sample.centre?;
             let others = || samples.iter().enumerate().filter(move |(j, _)| *j != i).map(|(_, s)| s.time_s);
             let weight: f64 = others().map(|t| (time_s - t) / (sample.time_s - t)).product();
             let slope: f64 = others()
@@ -91,10 +91,10 @@ impl Track {
                 .sum();
             pixel += weight * centre;
             velocity += slope * centre;
-            variance += weight * weight * std * std;
+            noise += covariance * weight.powi(2);
             alike_px += weight * sample.alike_px;
         }
-        Some(self.with_jitter(pixel, Matrix2::identity() * variance, velocity, alike_px))
+        Some(self.with_jitter(pixel, noise, velocity, alike_px))
     }
 
     /// Velocity at a frame from its neighbours; zero where there are none.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use raven::Result;
 use raven::camera::Pinhole;
 use raven::log::{CameraFrame, Part};
@@ -39,9 +39,9 @@ pub struct Marker {
 pub struct Candidate {
     /// Image of the ball's centre [px].
     pub centre: Vector2<f64>,
-    /// Standard deviation per axis [px].
-    pub std_px: f64,
-    /// The part of it that is alike in both cameras [px].
+    /// Its covariance [px^2].
+    pub covariance_px2: Matrix2<f64>,
+    /// Standard deviation per axis of the part that is alike in both cameras [px].
     pub alike_px: f64,
     /// Radius [px].
     pub radius_px: f64,
@@ -110,7 +110,7 @@ impl Search {
                 Centre::Contour => seen_px,
                 Centre::Ball | Centre::Refined => ball_centre(&self.camera, &seen_px, ball.radius_px),
             };
-            Candidate { centre, std_px: ball.std_px, alike_px: ball.alike_px, radius_px: ball.radius_px, share }
+            Candidate { centre, covariance_px2: ball.covariance_px2, alike_px: ball.alike_px, radius_px: ball.radius_px, share }
         })
     }
 

@@ -14,7 +14,7 @@
 use std::ops::Range;
 
 use image::RgbImage;
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use raven::log::Sampling;
 
 use crate::bits::Bits;
@@ -146,12 +146,13 @@ impl<'i> Blobs<'i> {
         Self { sampling, ..self }
     }
 
-    /// The centre of a blob of this image, with its standard deviation per axis and the radius. Where no ball fits, or the blob is small or
+    /// The centre of a blob of this image, with its covariance and the radius. Where no ball fits, or the blob is small or
     /// cut off, it is the contour's.
     #[must_use]
     pub fn centre(&self, blob: &Blob, kind: Centre) -> Ball {
         let disc_px = (blob.area_px / std::f64::consts::PI).sqrt();
-        let contour = Ball { centre_px: blob.contour_px, std_px: CONTOUR_STD_PX, alike_px: RESPONSE_STD_PX, radius_px: disc_px };
+        let covariance_px2 = Matrix2::identity() * CONTOUR_STD_PX.powi(2);
+        let contour = Ball { centre_px: blob.contour_px, covariance_px2, alike_px: RESPONSE_STD_PX, radius_px: disc_px };
         if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
             return contour;
         }

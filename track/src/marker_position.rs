@@ -32,7 +32,7 @@ pub struct Place {
 #[derive(Debug, Clone, Copy)]
 struct Disc {
     centre_px: Vector2<f64>,
-    std_px: f64,
+    covariance_px2: Matrix2<f64>,
     radius_px: f64,
 }
 
@@ -132,7 +132,7 @@ fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
     let round = blobs.found.iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
     let disc = |ball: Ball| Disc {
         centre_px: ball_centre(camera, &ball.centre_px, ball.radius_px),
-        std_px: ball.std_px,
+        covariance_px2: ball.covariance_px2,
         radius_px: ball.radius_px,
     };
     round.map(|blob| disc(blobs.centre(blob, marker.centre))).collect()
@@ -140,7 +140,7 @@ fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
 
 /// Chi-square and place of two discs, if they can be the marker; `slack` is added to the variance of their centres [px^2].
 fn candidate(cameras: &Cameras, marker: &Marker, [left, right]: [&Disc; 2], slack: f64) -> Option<(f64, Vector3<f64>)> {
-    let noise = [left, right].map(|d| Matrix2::identity() * (d.std_px * d.std_px + 0.5 * slack));
+    let noise = [left, right].map(|d| d.covariance_px2 + Matrix2::identity() * (0.5 * slack));
     let seen = cameras.triangulate(&[left.centre_px, right.centre_px], &noise)?;
     let fits = |disc: &Disc, camera: &Pinhole, depth: f64| {
         let ratio = disc.radius_px * depth / (marker.radius_m * (camera.fx * camera.fy).sqrt());

@@ -10,7 +10,7 @@
 //! so that frames were taken at `pace + a s`, give or take `a (1 - a)` of its variance. A right image that shows `d` more of the past than a
 //! left one of the same stamp was taken `d` before its stamp says.
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use raven::log::Stamp;
 
 use crate::interpolate::{Interpolated, Sample, Track};
@@ -76,7 +76,7 @@ impl StereoTrack {
 
 fn sample(record: &Record, time_s: f64) -> Sample {
     let (centre, alike_px) = match record.sighting {
-        Sighting::Seen(candidate) => (Some((candidate.centre, candidate.std_px)), candidate.alike_px),
+        Sighting::Seen(candidate) => (Some((candidate.centre, candidate.covariance_px2)), candidate.alike_px),
         Sighting::Hidden | Sighting::Rejected(_) => (None, 0.0),
     };
     Sample { time_s, centre, alike_px }
@@ -106,7 +106,7 @@ impl Real {
         let (mut information, mut along) = (PART_STD.powi(-2), 0.0);
         for (five, scatter_s) in samples.windows(5).zip(scatter_s.windows(5)) {
             let joined = five.windows(2).all(|w| w[1].time_s - w[0].time_s <= longest_s);
-            let seen: Option<Vec<(Vector2<f64>, f64)>> = five.iter().map(|s| s.centre).collect();
+            let seen: Option<Vec<(Vector2<f64>, Matrix2<f64>)>> = five.iter().map(|s| s.centre).collect();
             let Some(seen) = seen.filter(|_| joined) else { continue };
             let times: Vec<f64> = five.iter().map(|s| s.time_s).collect();
             // Weights of the four around the middle one, which is what is predicted: -1.
@@ -122,7 +122,7 @@ impl Real {
             };
             let miss: Vector2<f64> = -(0..5).map(|i| seen[i].0 * weights[i]).sum::<Vector2<f64>>();
             let slope: Vector2<f64> = -(0..5).map(|i| velocity(i) * (weights[i] * scatter_s[i])).sum::<Vector2<f64>>();
-            let variance: f64 = (0..5).map(|i| (weights[i] * seen[i].1).powi(2)).sum();
+            let variance: f64 = (0..5).map(|i| 0.5 * weights[i].powi(2) * seen[i].1.trace()).sum();
             if miss.norm_squared() < 2.0 * MISS_SIGMAS * MISS_SIGMAS * variance {
                 information += slope.norm_squared() / variance;
                 along += slope.dot(&miss) / variance;
@@ -151,7 +151,8 @@ mod tests {
             let time_s = 1.0 + f64::from(n) / 15.0 + own;
             let noise = Vector2::new(normal(), normal()) * 0.08;
             let centre = Vector2::new(300.0 + 60.0 * (1.6 * time_s).sin(), 200.0 + 60.0 * (1.6 * time_s).cos()) + noise;
-            let candidate = Candidate { centre, std_px: 0.08, alike_px: 0.07, radius_px: 8.0, share: 1.0 };
+            let candidate =
+                Candidate { centre, covariance_px2: Matrix2::identity() * 0.08_f64.powi(2), alike_px: 0.07, radius_px: 8.0, share: 1.0 };
             (Record { stamp: Stamp(0).plus_seconds(time_s + late), sighting: Sighting::Seen(candidate) }, time_s)
         };
         (0..600).map(one).unzip()

@@ -108,7 +108,7 @@ impl OfCamera {
 #[cfg(test)]
 mod tests {
     use image::RgbImage;
-    use nalgebra::Vector2;
+    use nalgebra::{Matrix2, Vector2};
 
     use super::*;
     use crate::html::as_frame;
@@ -122,7 +122,7 @@ mod tests {
         for i in 0..2000_u32 {
             frame.stamp = Stamp::from_ros(100, 0).plus_seconds(f64::from(i) / 10.0);
             let centre = Vector2::new(30.0 + f64::from(i % 7), 20.0);
-            let candidate = Candidate { centre, std_px: 0.1, alike_px: 0.07, radius_px: 4.0, share: 1.0 };
+            let candidate = Candidate { centre, covariance_px2: Matrix2::identity() * 0.01, alike_px: 0.07, radius_px: 4.0, share: 1.0 };
             let (sighting, reason) = match i % 100 {
                 13 => (Sighting::Hidden, Reason::NoColour),
                 50 => (Sighting::Rejected(candidate), Reason::Elsewhere),

@@ -130,7 +130,7 @@ fn png(image: &RgbImage) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use image::Rgb;
-    use nalgebra::Vector2;
+    use nalgebra::{Matrix2, Vector2};
 
     use super::*;
     use crate::html::as_frame;
@@ -144,7 +144,7 @@ mod tests {
     }
 
     fn looked(centre: Vector2<f64>, side_px: u32) -> Looked {
-        let candidate = Candidate { centre, std_px: 0.1, alike_px: 0.07, radius_px: 8.0, share: 1.0 };
+        let candidate = Candidate { centre, covariance_px2: Matrix2::identity() * 0.01, alike_px: 0.07, radius_px: 8.0, share: 1.0 };
         let expected = centre + Vector2::new(3.0, 4.0);
         let searched = Some((expected, Region::around(&expected, side_px)));
         Looked { sighting: Sighting::Seen(candidate), reason: Reason::Seen, searched }
