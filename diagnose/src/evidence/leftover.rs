@@ -48,10 +48,16 @@ impl Leftover {
         Self { tip: inflation(&tips, &TIP_BLOCKS), torque: Vector3::from_fn(|j, _| inflation(&[component(torques, j)], &TORQUE_BLOCKS)) }
     }
 
+    /// Of the channel that has the most left.
+    #[must_use]
+    pub fn most(&self) -> f64 {
+        self.tip.max(self.torque.max())
+    }
+
     /// Whether something reproducible is left.
     #[must_use]
     pub fn remains(&self) -> bool {
-        self.tip.max(self.torque.max()) > REMAINS
+        self.most() > REMAINS
     }
 
     /// Whitened rows, over deviations that are so much larger.

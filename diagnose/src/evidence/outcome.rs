@@ -23,6 +23,8 @@ pub struct Outcome {
     pub screened: BTreeMap<Vec<usize>, f64>,
     /// What the screen said of the whole library from each hypothesis that effects were added to.
     pub(super) screens: BTreeMap<Vec<usize>, Vec<Candidate>>,
+    /// From where each hypothesis was fitted after a screen.
+    starts: BTreeMap<Vec<usize>, Vec<Vec<f64>>>,
     /// Effects at their places in the library.
     pub(super) effects: usize,
 }
@@ -38,6 +40,7 @@ impl Outcome {
             spurious: BTreeMap::new(),
             screened: BTreeMap::new(),
             screens: BTreeMap::new(),
+            starts: BTreeMap::new(),
             effects,
         };
         outcome.keep(&none);
@@ -67,6 +70,20 @@ impl Outcome {
             .iter()
             .map(|(effects, (_, evidence))| (effects, *evidence))
             .chain(screened.map(|(effects, evidence)| (effects, *evidence)))
+    }
+
+    /// What is known of a candidate that was fitted from the same start before.
+    pub(super) fn known_from(&self, candidate: &Candidate) -> Option<&Hypothesis> {
+        let was_begun_there = self.starts.get(&candidate.effects)?.contains(&candidate.start);
+        self.fitted.get(&candidate.effects).filter(|_| was_begun_there).map(|(hypothesis, _)| hypothesis)
+    }
+
+    /// That a candidate was fitted.
+    pub(super) fn remember(&mut self, candidate: &Candidate) {
+        let starts = self.starts.entry(candidate.effects.clone()).or_default();
+        if !starts.contains(&candidate.start) {
+            starts.push(candidate.start.clone());
+        }
     }
 
     /// Takes in a hypothesis that has more evidence than what is known with the same effects.

@@ -239,9 +239,13 @@ impl Fitter<'_> {
             let reached = fitted.iter().map(|h| h.evidence).fold(f64::NEG_INFINITY, f64::max);
             let near =
                 batch.iter().take_while(|c| c.evidence > reached - WITHIN_NATS).count().max(least.saturating_sub(tried).min(batch.len()));
-            let hypotheses: Result<Vec<Option<Hypothesis>>> =
-                batch[..near].par_iter().map(|c| self.fitted_at_least(c, like, &from)).collect();
+            let fit = |candidate: &Candidate| match outcome.known_from(candidate) {
+                Some(known) => self.at_least(Some(known.clone()), candidate, &from),
+                None => self.fitted_at_least(candidate, like, &from),
+            };
+            let hypotheses: Result<Vec<Option<Hypothesis>>> = batch[..near].par_iter().map(fit).collect();
             fitted.extend(hypotheses?.into_iter().flatten());
+            batch[..near].iter().for_each(|candidate| outcome.remember(candidate));
             tried += near;
             if near < batch.len() {
                 break;
@@ -261,7 +265,11 @@ impl Fitter<'_> {
 
     /// Fits a candidate. With one more effect than `from` it can do no worse: where it got lost on the way it starts again from there.
     pub(super) fn fitted_at_least(&self, candidate: &Candidate, like: &Hypothesis, from: &Hypothesis) -> Result<Option<Hypothesis>> {
-        let first = self.fit(&candidate.effects, &candidate.start, Some(like))?;
+        self.at_least(self.fit(&candidate.effects, &candidate.start, Some(like))?, candidate, from)
+    }
+
+    /// `first`, the fit of a candidate, or the one from `from` if it got lost.
+    fn at_least(&self, first: Option<Hypothesis>, candidate: &Candidate, from: &Hypothesis) -> Result<Option<Hypothesis>> {
         let is_richer = from.effects.iter().all(|effect| candidate.effects.contains(effect));
         if !is_richer || first.as_ref().is_some_and(|h| !self.is_lost(h, from)) {
             return Ok(first);

@@ -25,7 +25,7 @@ impl Fitter<'_> {
         let best = outcome.best.clone();
         let leftover = self.leftover(&best);
         // Differences of evidence shrink by so much when what is left counts as noise.
-        let shrink = leftover.tip.max(leftover.torque.max());
+        let shrink = leftover.most();
         for &effect in &best.effects {
             let ties = self.ties_of(&best, effect);
             let instead = |&other: &usize| {

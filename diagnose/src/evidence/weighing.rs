@@ -64,7 +64,7 @@ impl Fitter<'_> {
         outcome.fitted.values_mut().for_each(|(h, evidence)| *evidence = self.tempered(h, &outcome.leftover));
         let after = outcome.fitted.values().map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
-        let shrink = 1.0 / outcome.leftover.tip.max(outcome.leftover.torque.max());
+        let shrink = outcome.leftover.most().recip();
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
         let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || self.lost_in_scatter(outcome, h).is_some();
         let gone: BTreeMap<Vec<usize>, f64> =
