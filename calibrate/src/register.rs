@@ -79,8 +79,8 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     };
     // Registered cameras may take the place of those that were not.
     let recordings = || args.motion.iter().chain([&args.log, &args.robot]);
-    files::apart(recordings(), &[("-o", args.output.as_deref())])?;
-    files::apart(recordings().chain([&args.cameras]), &[("--json", args.json.as_deref())])?;
+    files::apart(recordings(), &[("-o", args.output.as_deref()), ("--json", args.json.as_deref())])?;
+    files::apart([&args.cameras], &[("--json", args.json.as_deref())])?;
     let robot = Robot::read(&args.robot)?;
     let mut cameras = Cameras::read(&args.cameras)?;
     let marker = args.appearance.marker(Centre::Ball);

@@ -145,22 +145,39 @@ pub fn unused(recording: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses to write over what is read; outputs come with the options that name them.
+/// Refuses to write over what is read, and one output over another; outputs come with the options that name them.
 ///
 /// # Errors
-/// If an output is one of the inputs.
+/// If an output is one of the inputs or of the other outputs.
 pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&str, Option<&Path>)]) -> Result<()> {
     let there: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
-    for (option, output) in outputs.iter().filter_map(|(option, output)| Some((option, (*output)?))) {
-        // A pipe or a device, as /dev/tty, may be both.
-        if !is_special(output) && output.canonicalize().is_ok_and(|output| there.contains(&output)) {
+    let mut taken: Vec<(PathBuf, &str)> = Vec::new();
+    for &(option, output) in outputs {
+        // A pipe or a device, as /dev/tty, may be any of them.
+        let Some(output) = output.filter(|output| !is_special(output)) else { continue };
+        let place = place(output);
+        if let Some((_, other)) = taken.iter().find(|(known, _)| *known == place) {
+            return Err(Error::Argument(format!(
+                "{other} and {option} both name {}, and one would be written over the other; give {option} another name.",
+                output.display()
+            )));
+        }
+        if there.contains(&place) {
             return Err(Error::Argument(format!(
                 "{option} {}: this very file is read, and nothing that is read is written over; give {option} another name.",
                 output.display()
             )));
         }
+        taken.push((place, option));
     }
     Ok(())
+}
+
+/// Where a file is, or will be, by whatever name.
+fn place(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let beside = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize().ok().or_else(beside).unwrap_or_else(|| path.to_path_buf())
 }
 
 /// Refuses a recording that is given twice: it would count as two.
@@ -237,6 +254,9 @@ mod tests {
         let onto = |output: Option<&Path>| apart([&robot, &log], &[("-o", None), ("--json", output)]);
         assert!(onto(Some(&again)).unwrap_err().to_string().contains("give --json another name"));
         onto(None).and_then(|()| onto(Some(&robot))).unwrap();
+        let both = apart([&log], &[("--json", Some(&robot)), ("--html", Some(&folder.path().join("./robot.yaml")))]);
+        assert!(both.unwrap_err().to_string().contains("--json and --html both name"));
+        apart([&log], &[("--json", Some(Path::new("/dev/null"))), ("--html", Some(Path::new("/dev/null")))]).unwrap();
         assert!(unused(&again).unwrap_err().to_string().contains("never written over"));
         assert!(write_atomic(&again, b"{}").is_ok());
         write_atomic(&log, b"\x89MCAP0\r\n").unwrap();
