@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use raven::camera::Cameras;
 use raven::log::Stamp;
 use raven::stats::median;
@@ -95,7 +95,11 @@ impl Film {
                     let own = relabel.inverse().apply(in_run);
                     self.sightings[k].as_ref()?.grid.corners.get(&own).copied()
                 });
-                Sample { time_s: self.time_s[k], centre: pixel.map(|pixel| (pixel, CORNER_PX)), alike_px: 0.0 }
+                Sample {
+                    time_s: self.time_s[k],
+                    centre: pixel.map(|pixel| (pixel, Matrix2::identity() * CORNER_PX.powi(2))),
+                    alike_px: 0.0,
+                }
             };
             Some((label, Track::new(around.clone().map(sample).collect(), 0.0).at(time_s)?))
         };

@@ -1,6 +1,6 @@
 //! Registration from simulated motion: radii off by percents, tolerances used up, late and turned cameras.
 
-use nalgebra::{Isometry3, Vector2};
+use nalgebra::{Isometry3, Matrix2, Vector2};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -72,7 +72,13 @@ fn records(recording: &Recording, side: Side, seed: u64) -> Vec<Record> {
     let record = |tip: &raven::log::TipObservation| {
         let late: f64 = StandardNormal.sample(&mut random);
         let pixel = if side == Side::Left { tip.left_px } else { tip.right_px };
-        let candidate = Candidate { centre: Vector2::from(pixel), std_px: NOISE_PX, alike_px: 0.07, radius_px: 8.0, share: 1.0 };
+        let candidate = Candidate {
+            centre: Vector2::from(pixel),
+            covariance_px2: Matrix2::identity() * NOISE_PX.powi(2),
+            alike_px: 0.07,
+            radius_px: 8.0,
+            share: 1.0,
+        };
         let sighting = if tip.status == TipStatus::Seen { Sighting::Seen(candidate) } else { Sighting::Hidden };
         Record { stamp: tip.stamp.plus_seconds(JITTER_S * late), sighting }
     };
