@@ -186,7 +186,7 @@ impl Fitter<'_> {
     /// its way. That is no evidence for an effect. This one can be where the other is, at the price of the other's effects as strained numbers of
     /// the nominal model, and of those that it lacks as none, as far as the other's curvature tells. It is lost if it is farther behind; where
     /// something is lacking, it may be if it is hardly behind.
-    fn fitted_as(&self, hypothesis: &Hypothesis, better: &Hypothesis) -> Result<Option<Hypothesis>> {
+    pub(super) fn fitted_as(&self, hypothesis: &Hypothesis, better: &Hypothesis) -> Result<Option<Hypothesis>> {
         let behind = better.evidence - hypothesis.evidence;
         let strain = |c: usize, h: &Hypothesis| 0.5 * self.over_prior_squared(c, better.u[c], &h.effects);
         let price: f64 = hypothesis.free.iter().map(|&c| strain(c, hypothesis) - strain(c, better)).sum();

@@ -27,6 +27,8 @@ impl Fitter<'_> {
                 let Some(without) = self.fit(&others, &self.without(left_out, &point.u), Some(&point))? else { return Ok(None) };
                 without
             };
+            // What it stopped short of is no evidence for the effect.
+            let without = self.fitted_as(&without, &point)?.unwrap_or(without);
             // With one more effect it can do no worse: where it got lost on the way it starts again from there.
             if without.evidence > point.evidence {
                 let mut start = without.u.clone();
