@@ -1,4 +1,5 @@
-//! How far off a fitted centre is, and in which direction, where neighbouring pixels err together, as they do by compression and by texture behind the edge.
+//! How far off a fitted centre is, and in which direction, where neighbouring pixels err together, as they do by compression and by texture
+//! behind the edge.
 //!
 //! With whitened residuals `z` and `a_i` what one of them, at pixel `i`, moves the centre by along an axis,
 //!
@@ -9,8 +10,8 @@
 //! which is the sandwich of generalised least squares with a stationary noise (Conley 1999, GMM estimation with cross sectional dependence).
 //! A fit of `p` unknowns leaves residuals smaller than the errors. Pixels that err together are fewer than they look, `n / sum_d R(d)`, so
 //! that the variance is raised by `1 / (1 - p sum_d R(d) / n)`. Where it is the edge that moves the centre, unknowns of the outline are told by
-//! its pixels alone, and those of brightness by all. Both axes have their own: a shaft that hides the upper edge of a ball, or a
-//! motion that blurs it to either side, is no error across. What they have in common is as if pixels erred independently.
+//! its pixels alone, and those of brightness by all. Both axes have their own variance: a shaft that hides the upper edge of a ball, or a motion
+//! that blurs it to either side, is no error across. What they have in common is as if pixels erred independently.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};

@@ -91,10 +91,11 @@ impl Track {
                 .sum();
             pixel += weight * centre;
             velocity += slope * centre;
-            noise += covariance * weight.powi(2);
+            noise += (covariance - alike(sample.alike_px)) * weight.powi(2);
             alike_px += weight * sample.alike_px;
         }
-        Some(self.with_jitter(pixel, noise, velocity, alike_px))
+        // What cameras err by alike, neighbouring frames do too: no mean makes it less.
+        Some(self.with_jitter(pixel, noise + alike(alike_px), velocity, alike_px))
     }
 
     /// Velocity at a frame from its neighbours; zero where there are none.
@@ -115,7 +116,33 @@ impl Track {
     }
 }
 
+/// Covariance of what all cameras err by alike [px^2].
+fn alike(std_px: f64) -> Matrix2<f64> {
+    Matrix2::identity() * std_px.powi(2)
+}
+
 fn median_step(times_s: &[f64]) -> Option<f64> {
     let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     raven::stats::median(&steps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn between_frames_noise_averages_out_and_what_is_alike_does_not() {
+        let sample = |k: i32| Sample {
+            time_s: f64::from(k),
+            centre: Some((Vector2::new(f64::from(k), 0.0), Matrix2::new(0.05, 0.01, 0.01, 0.02) + alike(0.1))),
+            alike_px: 0.1,
+        };
+        let track = Track::new((0..4).map(sample).collect(), 0.0);
+        let between = track.at(1.5).unwrap();
+        // Weights of the cubic half way: -1/16, 9/16, 9/16, -1/16.
+        let averaged = Matrix2::new(0.05, 0.01, 0.01, 0.02) * (164.0 / 256.0);
+        approx::assert_relative_eq!(between.covariance, averaged + alike(0.1), epsilon = 1e-12);
+        approx::assert_relative_eq!(between.pixel, Vector2::new(1.5, 0.0), epsilon = 1e-12);
+        approx::assert_relative_eq!(between.alike_px, 0.1, epsilon = 1e-12);
+    }
 }
