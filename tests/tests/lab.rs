@@ -6,7 +6,10 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::process::Command;
 
-use raven::log::{Item, Walker, ros1};
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use raven::camera::{Cameras, Pinhole, Quality};
+use raven::log::{Item, MotorSource, Recording, TipStatus, Walker, ros1};
+use raven::robot::Robot;
 use raven_tests::{json, number, python, shared, typed};
 use serde_json::{Value, json};
 
@@ -123,5 +126,66 @@ fn goes_through_the_chain(logs: &Path, truth: &Value, motions: &[&str]) {
             .unwrap();
         let improvement = number(&json(at, "replay.json"), "/joints/0/improvement_percent");
         assert!(improvement >= 43.0, "{motion}: the shoulder is only {improvement:.1} % better than transmission kinematics");
+    }
+}
+
+/// The cameras that the session was made with, and where they stood.
+fn true_cameras(truth: &Value) -> Cameras {
+    let of = |key: &str| number(truth, &format!("/camera/{key}"));
+    let vector = |key: &str| Vector3::from_fn(|i, _| of(&format!("{key}/{i}")));
+    let rotation = |key: &str| {
+        let matrix = Matrix3::from_fn(|row, column| of(&format!("{key}/{row}/{column}")));
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix))
+    };
+    let camera = |focal_px: f64, side: usize| Pinhole {
+        width: 640,
+        height: 480,
+        fx: focal_px,
+        fy: focal_px,
+        cx: of(&format!("cx/{side}")),
+        cy: of(&format!("cy/{side}")),
+        distortion: [of(&format!("k1/{side}")), of(&format!("k2/{side}")), 0.0, 0.0, 0.0],
+    };
+    // `Rr` has the right camera's axes as columns, in the left one's frame.
+    let right_from_left = rotation("Rr").inverse();
+    let right_left_m = Vector3::new(of("base"), 0.0, 0.0);
+    Cameras {
+        left: camera(of("fl"), 0),
+        right: camera(of("fr"), 1),
+        right_from_left: Isometry3::from_parts((-(right_from_left * right_left_m)).into(), right_from_left),
+        base_from_left: Some(Isometry3::from_parts(vector("t").into(), rotation("R"))),
+        latency_s: number(truth, "/latency_s"),
+        right_minus_left_s: number(truth, "/right_minus_left_s"),
+        quality: Quality::default(),
+    }
+}
+
+#[test]
+fn tips_err_by_what_they_claim() {
+    let (Some(lab), Some(robot_file)) = (shared("data/lab"), shared("robot/raven2-gold.yaml")) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    true_cameras(&json(&lab, "truth.json")).write(&folder.path().join("cameras.yaml")).unwrap();
+    let robot = Robot::read(&robot_file).unwrap();
+    for motion in ["sinusoid", "fls1"] {
+        let log = lab.join(format!("{motion}.mcap"));
+        let [log, robot_file] = [&log, &robot_file].map(|path| path.display().to_string());
+        let track = [&*log, "--robot", &robot_file, "--cameras", "{cameras.yaml}", "-o", "{tracked.mcap}"];
+        typed(folder.path(), raven_track::run, &track).unwrap();
+        let tracked = folder.path().join("tracked.mcap");
+        let recording = Recording::read(&tracked, &MotorSource::from(&robot)).unwrap();
+        let encoders = recording.require_joint_encoders().unwrap();
+        let joints: Vec<usize> =
+            robot.joints[..3].iter().map(|joint| encoders.names.iter().position(|name| *name == joint.name).unwrap()).collect();
+        let squares = recording.require_tip().unwrap().iter().filter(|tip| tip.status == TipStatus::Seen).filter_map(|tip| {
+            let time_s = tip.stamp.seconds_since(recording.start);
+            let q: Option<Vec<f64>> = joints.iter().map(|&joint| encoders.interpolate(joint, time_s)).collect();
+            let error_m = tip.position_m - robot.arm().ok()?.kinematics.forward(&Vector3::from_vec(q?));
+            Some(error_m.dot(&(tip.covariance_m2.try_inverse()? * error_m)) / 3.0)
+        });
+        let squares: Vec<f64> = squares.collect();
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        println!("{motion}: squared error over covariance, per axis, of {} tips: {mean:.3}", squares.len());
+        assert!(squares.len() > 300 && (0.7..1.4).contains(&mean), "{motion}: {mean} of {} tips", squares.len());
+        std::fs::remove_file(tracked).unwrap();
     }
 }
