@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
+use crate::cli::STANDARD_OUTPUT;
 use crate::{Error, Result, interrupted};
 
 /// Reads a text file.
@@ -153,8 +154,9 @@ pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&s
     let there: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
     let mut taken: Vec<(PathBuf, &str)> = Vec::new();
     for &(option, output) in outputs {
-        // A pipe or a device, as /dev/tty, may be any of them.
-        let Some(output) = output.filter(|output| !is_special(output)) else { continue };
+        // A pipe or a device, as /dev/tty, may be any of them, and standard output is no file.
+        let is_file = |output: &&Path| output.as_os_str() != STANDARD_OUTPUT && !is_special(output);
+        let Some(output) = output.filter(is_file) else { continue };
         let place = place(output);
         if let Some((_, other)) = taken.iter().find(|(known, _)| *known == place) {
             return Err(Error::Argument(format!(
@@ -257,6 +259,7 @@ mod tests {
         let both = apart([&log], &[("--json", Some(&robot)), ("--html", Some(&folder.path().join("./robot.yaml")))]);
         assert!(both.unwrap_err().to_string().contains("--json and --html both name"));
         apart([&log], &[("--json", Some(Path::new("/dev/null"))), ("--html", Some(Path::new("/dev/null")))]).unwrap();
+        apart([&log], &[("-o", Some(Path::new("-"))), ("--json", Some(Path::new("-")))]).unwrap();
         assert!(unused(&again).unwrap_err().to_string().contains("never written over"));
         assert!(write_atomic(&again, b"{}").is_ok());
         write_atomic(&log, b"\x89MCAP0\r\n").unwrap();
