@@ -186,7 +186,7 @@ fn tips_err_by_what_they_claim() {
         let squares: Vec<f64> = squares.collect();
         let mean = squares.iter().sum::<f64>() / squares.len() as f64;
         println!("{motion}: squared error over covariance, per axis, of {} tips: {mean:.3}", squares.len());
-        // The aim is 0.7 to 1.4; the sinusoid's claims are a fifth too wide.
+        // The aim is 0.7 to 1.4; the sinusoid's claims are a quarter too wide, as deviations.
         assert!(squares.len() > 300 && (0.6..1.4).contains(&mean), "{motion}: {mean} of {} tips", squares.len());
         std::fs::remove_file(tracked).unwrap();
     }
