@@ -24,6 +24,7 @@ use crate::model::Shade;
 use crate::normal::Normal;
 use crate::patch::Patch;
 use crate::pixels::Pixels;
+use crate::response::Response;
 use crate::spectrum::Spectrum;
 use crate::squares::Squares;
 
@@ -62,10 +63,10 @@ pub(crate) type Matrix = SMatrix<f64, SIZE, SIZE>;
 pub struct Ball {
     /// Centre of the outline `(u, v)` [px].
     pub centre_px: Vector2<f64>,
-    /// Covariance of the centre [px^2].
+    /// Covariance of the centre, as far as this ball tells [px^2].
     pub covariance_px2: Matrix2<f64>,
-    /// Standard deviation per axis of the part that is alike in both cameras [px]: what the camera's response makes, and what no residual shows.
-    pub alike_px: f64,
+    /// The part of that which is alike in both cameras: what the camera's response makes, and what no residual shows.
+    pub response: Response,
     /// Mean radius of the outline [px].
     pub radius_px: f64,
 }
@@ -106,9 +107,10 @@ impl Settled {
 
     /// Its centre and what it errs by.
     fn ball(&self, evidence: &impl Evidence) -> Ball {
-        let Errors { influences, size, alike_px } = evidence.errors(self);
-        let covariance_px2 = centre_covariance_px2(&influences, &self.determined, size) + Matrix2::identity() * alike_px.powi(2);
-        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), covariance_px2, alike_px, radius_px: self.x[2] }
+        let Errors { influences, size, response } = evidence.errors(self);
+        let alike = Matrix2::identity() * response.alone_px().powi(2);
+        let covariance_px2 = centre_covariance_px2(&influences, &self.determined, size) + alike;
+        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), covariance_px2, response, radius_px: self.x[2] }
     }
 }
 
@@ -132,8 +134,8 @@ pub(crate) struct Errors {
     pub(crate) influences: Vec<Vec<Influence>>,
     /// How large the errors are that they tell of.
     pub(crate) size: Size,
-    /// What moves the centre alike in both cameras, per axis [px].
-    pub(crate) alike_px: f64,
+    /// What moves the centre alike in both cameras.
+    pub(crate) response: Response,
 }
 
 /// Fits a ball to a patch, from a centre and radius that are right to about a third of the radius, and once more with the weights that the

@@ -30,6 +30,7 @@ pub mod predict;
 pub mod reason;
 mod refine;
 pub mod report;
+pub mod response;
 pub mod shared;
 pub mod sieve;
 mod spectrum;

@@ -12,6 +12,7 @@ use crate::lock::Size;
 use crate::marker::{Blob, Blobs, Centre, Region};
 use crate::perspective::ball_centre;
 use crate::predict::View;
+use crate::response::Response;
 
 /// Side of the region of interest while the marker is seen [px].
 pub const REGION_PX: f64 = 100.0;
@@ -39,10 +40,10 @@ pub struct Marker {
 pub struct Candidate {
     /// Image of the ball's centre [px].
     pub centre: Vector2<f64>,
-    /// Its covariance [px^2].
+    /// Its covariance, as far as this frame tells [px^2].
     pub covariance_px2: Matrix2<f64>,
-    /// Standard deviation per axis of the part that is alike in both cameras [px].
-    pub alike_px: f64,
+    /// The part of that which is alike in both cameras.
+    pub response: Response,
     /// Radius [px].
     pub radius_px: f64,
     /// Area over the area expected at the predicted depth.
@@ -110,7 +111,7 @@ impl Search {
                 Centre::Contour => seen_px,
                 Centre::Ball | Centre::Refined => ball_centre(&self.camera, &seen_px, ball.radius_px),
             };
-            Candidate { centre, covariance_px2: ball.covariance_px2, alike_px: ball.alike_px, radius_px: ball.radius_px, share }
+            Candidate { centre, covariance_px2: ball.covariance_px2, response: ball.response, radius_px: ball.radius_px, share }
         })
     }
 

@@ -22,6 +22,7 @@ use crate::centre::{self, Ball, RESPONSE_STD_PX};
 use crate::colour::MarkerColour;
 use crate::outline::{self, Moments, Pixel};
 use crate::patch::Patch;
+use crate::response::Response;
 use crate::squares::Squares;
 use crate::surroundings::{Bounds, REACH_PX, Surroundings};
 
@@ -152,7 +153,7 @@ impl<'i> Blobs<'i> {
     pub fn centre(&self, blob: &Blob, kind: Centre) -> Ball {
         let disc_px = (blob.area_px / std::f64::consts::PI).sqrt();
         let covariance_px2 = Matrix2::identity() * CONTOUR_STD_PX.powi(2);
-        let contour = Ball { centre_px: blob.contour_px, covariance_px2, alike_px: RESPONSE_STD_PX, radius_px: disc_px };
+        let contour = Ball { centre_px: blob.contour_px, covariance_px2, response: Response::untold(RESPONSE_STD_PX), radius_px: disc_px };
         if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
             return contour;
         }

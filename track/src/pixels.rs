@@ -9,6 +9,7 @@ use crate::model::{Model, Shade};
 use crate::normal::{Normal, Sums};
 use crate::patch::{CHROMA, LANES, LUMA, Patch};
 use crate::refine::{Residual, refined};
+use crate::response::Response;
 use crate::sieve::LEVEL;
 
 /// Blur of chroma, usually at half the resolution, and of luma [px].
@@ -88,7 +89,7 @@ impl Evidence for Pixels {
     fn errors(&self, fit: &Settled) -> Errors {
         let mut influences = vec![Vec::new(), Vec::new()];
         dispatch!(*LEVEL, simd => add_influences(simd, &mut influences, fit, &self.patch, &self.weights));
-        Errors { influences, size: Size::Alike, alike_px: RESPONSE_STD_PX }
+        Errors { influences, size: Size::Alike, response: Response::untold(RESPONSE_STD_PX) }
     }
 }
 

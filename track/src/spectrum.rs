@@ -30,6 +30,7 @@ use crate::normal::Normal;
 use crate::patch::{Block, LANES, LUMA};
 use crate::pixels::Expected;
 use crate::refine::{robust_mean, shade};
+use crate::response::Response;
 use crate::sieve::LEVEL;
 use crate::squares::{BLOCKS, OF_RGB, PLANES, Square, Squares};
 
@@ -48,11 +49,6 @@ const LEAST_NOISE: f64 = 1.5;
 /// A coefficient counts as no farther off than so many standard deviations in that search.
 const FAR: f32 = 3.0;
 
-/// How much of a bent response there may be before residuals tell, where one is a response by the square root. By rendered balls it is found
-/// to 0.2, and half of it is where harmonics follow the light badly: so much shows that there is one, and as much may be there unseen.
-const UNKNOWN: f64 = 0.6;
-const SHOWN: f64 = 0.5;
-const UNSEEN: f64 = 0.25;
 /// What moves the centre alike in both cameras and no residual shows, per axis [px]: a shaft that hides a part of the ball's edge, and light that
 /// harmonics do not follow. Judged from what is slower than noise in two sessions of two renderers, with the true cameras.
 const UNSHOWN_PX: f64 = 0.02;
@@ -178,10 +174,10 @@ impl<'s> Spectrum<'s> {
         Normal::new(matrix, vector, square)
     }
 
-    /// A whitened square goes back to its samples, where neighbours that err together are near one another. Also says what moves
-    /// the centre alike in both cameras, per axis [px]: a bent response, as far as the residuals show one, and what they do not.
+    /// A whitened square goes back to its samples, where neighbours that err together are near one another. Also says what a bent response
+    /// does, as far as the residuals show one.
     #[inline(always)]
-    fn add_influences<S: Simd>(&self, simd: S, planes: &mut [Vec<Influence>], fit: &Settled) -> f64 {
+    fn add_influences<S: Simd>(&self, simd: S, planes: &mut [Vec<Influence>], fit: &Settled) -> Response {
         let (mut pulls, mut along, mut squares) = (Vector::zeros(), 0.0, 0.0);
         let centre_by = fit.centre_by();
         let model = Model::new(simd, &fit.x, fit.shade, self.squares.corner);
@@ -213,11 +209,9 @@ impl<'s> Spectrum<'s> {
             }
         }
         let moved = fit.moved_by(&pulls);
-        // How much of it there is, by the residuals along what the unknowns cannot take up; where nothing tells, all of it may be there.
-        let information = (squares - pulls.dot(&moved)).max(0.0) + UNKNOWN.powi(-2);
-        let part = (along + UNKNOWN.powi(-2)) / information;
-        let shift_px = Vector2::new(moved[0], moved[1]).norm() * (part / SHOWN).clamp(UNSEEN, 1.0);
-        (shift_px * std::f64::consts::FRAC_1_SQRT_2).hypot(UNSHOWN_PX)
+        let shift_px = Vector2::new(moved[0], moved[1]).norm();
+        // The residuals tell along what the unknowns cannot take up.
+        Response { shift_px, unshown_px: UNSHOWN_PX, along, information: (squares - pulls.dot(&moved)).max(0.0) }
     }
 
     /// By how much a bent response changes a square's coefficients: with grey levels that are roots of the light (gamma 2) a pixel of two
@@ -261,8 +255,8 @@ impl Evidence for Spectrum<'_> {
 
     fn errors(&self, fit: &Settled) -> Errors {
         let mut influences = vec![Vec::new(); PLANES];
-        let alike_px = dispatch!(*LEVEL, simd => self.add_influences(simd, &mut influences, fit));
-        Errors { influences, size: Size::AtTheEdge, alike_px }
+        let response = dispatch!(*LEVEL, simd => self.add_influences(simd, &mut influences, fit));
+        Errors { influences, size: Size::AtTheEdge, response }
     }
 }
 

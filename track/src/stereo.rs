@@ -9,13 +9,17 @@
 //!
 //! so that frames were taken at `pace + a s`, give or take `a (1 - a)` of its variance. A right image that shows `d` more of the past than a
 //! left one of the same stamp was taken `d` before its stamp says.
+//!
+//! What a camera's response moves centres by is claimed as all of its frames tell: see [`crate::response`].
 
 use nalgebra::{Matrix2, Vector2};
 use raven::log::Stamp;
 
 use crate::interpolate::{Interpolated, Sample, Track};
+use crate::look::Candidate;
 use crate::pace::{Pace, pace};
-use crate::tracker::{Record, Sighting};
+use crate::response::Response;
+use crate::tracker::Record;
 
 /// Tracks of both cameras.
 #[derive(Debug, Clone)]
@@ -37,8 +41,10 @@ impl StereoTrack {
         });
         let of_side = |side: usize, early_s: f64| {
             let (pace, records) = (&paces[side], &records[side]);
-            let at =
-                |time_s: &[f64]| -> Vec<Sample> { records.iter().zip(time_s).map(|(record, &time_s)| sample(record, time_s)).collect() };
+            let bent = Response::part(records.iter().filter_map(|record| record.sighting.seen().map(|seen| &seen.response)));
+            let at = |time_s: &[f64]| -> Vec<Sample> {
+                records.iter().zip(time_s).map(|(record, &time_s)| sample(record, time_s, bent)).collect()
+            };
             let scatter_s: Vec<f64> = records.iter().zip(&pace.time_s).map(|(r, t)| r.stamp.seconds_since(origin) - t).collect();
             let real = Real::of(&at(&pace.time_s), &scatter_s);
             let time_s: Vec<f64> = pace.time_s.iter().zip(&scatter_s).map(|(t, s)| t + real.part * s).collect();
@@ -74,12 +80,14 @@ impl StereoTrack {
     }
 }
 
-fn sample(record: &Record, time_s: f64) -> Sample {
-    let (centre, alike_px) = match record.sighting {
-        Sighting::Seen(candidate) => (Some((candidate.centre, candidate.covariance_px2)), candidate.alike_px),
-        Sighting::Hidden | Sighting::Rejected(_) => (None, 0.0),
+/// What a frame shows, with such a part of a bent response.
+fn sample(record: &Record, time_s: f64, bent: f64) -> Sample {
+    let Some(&Candidate { centre, covariance_px2, response, .. }) = record.sighting.seen() else {
+        return Sample { time_s, centre: None, alike_px: 0.0 };
     };
-    Sample { time_s, centre, alike_px }
+    let alike_px = response.alike_px(bent);
+    let covariance_px2 = covariance_px2 + Matrix2::identity() * (alike_px.powi(2) - response.alone_px().powi(2));
+    Sample { time_s, centre: Some((centre, covariance_px2)), alike_px }
 }
 
 /// How much of the stamps' scatter about the pace is the frames' own.
@@ -140,7 +148,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
-    use crate::look::Candidate;
+    use crate::tracker::Sighting;
 
     /// A marker on a circle, 100 px/s, and frames of which a part of the stamps' scatter is real.
     fn film(real: f64, seed: u64) -> (Vec<Record>, Vec<f64>) {
@@ -151,8 +159,13 @@ mod tests {
             let time_s = 1.0 + f64::from(n) / 15.0 + own;
             let noise = Vector2::new(normal(), normal()) * 0.08;
             let centre = Vector2::new(300.0 + 60.0 * (1.6 * time_s).sin(), 200.0 + 60.0 * (1.6 * time_s).cos()) + noise;
-            let candidate =
-                Candidate { centre, covariance_px2: Matrix2::identity() * 0.08_f64.powi(2), alike_px: 0.07, radius_px: 8.0, share: 1.0 };
+            let candidate = Candidate {
+                centre,
+                covariance_px2: Matrix2::identity() * 0.08_f64.powi(2),
+                response: Response::untold(0.07),
+                radius_px: 8.0,
+                share: 1.0,
+            };
             (Record { stamp: Stamp(0).plus_seconds(time_s + late), sighting: Sighting::Seen(candidate) }, time_s)
         };
         (0..600).map(one).unzip()

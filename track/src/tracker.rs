@@ -33,6 +33,14 @@ pub enum Sighting {
     Rejected(Candidate),
 }
 
+impl Sighting {
+    /// The marker where it was found and accepted.
+    #[must_use]
+    pub const fn seen(&self) -> Option<&Candidate> {
+        if let Self::Seen(candidate) = self { Some(candidate) } else { None }
+    }
+}
+
 /// One frame's sighting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {

@@ -9,6 +9,7 @@ use raven::log::{MotorSource, Recording, Side, TipStatus};
 use raven::robot::{Robot, nominal};
 use raven::simulation::{Effect, Motion, Options, Session};
 use raven_track::look::Candidate;
+use raven_track::response::Response;
 use raven_track::tracker::{Record, Sighting};
 use rayon::prelude::*;
 
@@ -75,7 +76,7 @@ fn records(recording: &Recording, side: Side, seed: u64) -> Vec<Record> {
         let candidate = Candidate {
             centre: Vector2::from(pixel),
             covariance_px2: Matrix2::identity() * NOISE_PX.powi(2),
-            alike_px: 0.07,
+            response: Response::untold(0.07),
             radius_px: 8.0,
             share: 1.0,
         };

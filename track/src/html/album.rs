@@ -114,6 +114,7 @@ mod tests {
     use crate::html::as_frame;
     use crate::look::Candidate;
     use crate::marker::Region;
+    use crate::response::Response;
 
     #[test]
     fn the_worst_and_an_even_choice_are_kept_of_a_long_recording() {
@@ -122,7 +123,13 @@ mod tests {
         for i in 0..2000_u32 {
             frame.stamp = Stamp::from_ros(100, 0).plus_seconds(f64::from(i) / 10.0);
             let centre = Vector2::new(30.0 + f64::from(i % 7), 20.0);
-            let candidate = Candidate { centre, covariance_px2: Matrix2::identity() * 0.01, alike_px: 0.07, radius_px: 4.0, share: 1.0 };
+            let candidate = Candidate {
+                centre,
+                covariance_px2: Matrix2::identity() * 0.01,
+                response: Response::untold(0.07),
+                radius_px: 4.0,
+                share: 1.0,
+            };
             let (sighting, reason) = match i % 100 {
                 13 => (Sighting::Hidden, Reason::NoColour),
                 50 => (Sighting::Rejected(candidate), Reason::Elsewhere),

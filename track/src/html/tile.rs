@@ -136,6 +136,7 @@ mod tests {
     use crate::html::as_frame;
     use crate::look::Candidate;
     use crate::reason::Reason;
+    use crate::response::Response;
 
     fn disc(width: u32, height: u32, centre: Vector2<f64>) -> CameraFrame {
         let inside = |x: u32, y: u32| (Vector2::new(f64::from(x), f64::from(y)) - centre).norm() < 8.0;
@@ -144,7 +145,8 @@ mod tests {
     }
 
     fn looked(centre: Vector2<f64>, side_px: u32) -> Looked {
-        let candidate = Candidate { centre, covariance_px2: Matrix2::identity() * 0.01, alike_px: 0.07, radius_px: 8.0, share: 1.0 };
+        let candidate =
+            Candidate { centre, covariance_px2: Matrix2::identity() * 0.01, response: Response::untold(0.07), radius_px: 8.0, share: 1.0 };
         let expected = centre + Vector2::new(3.0, 4.0);
         let searched = Some((expected, Region::around(&expected, side_px)));
         Looked { sighting: Sighting::Seen(candidate), reason: Reason::Seen, searched }

@@ -141,7 +141,7 @@ fn hold(ratios: &[f64]) -> bool {
 
 #[test]
 fn centres_scatter_as_they_claim_raw_and_compressed() {
-    let ratios = square_over_variance(&LIGHTS, 1.0, |ball| 0.5 * ball.covariance_px2.trace() - ball.alike_px.powi(2));
+    let ratios = square_over_variance(&LIGHTS, 1.0, |ball| 0.5 * ball.covariance_px2.trace() - ball.response.alone_px().powi(2));
     assert!(hold(&ratios), "{ratios:?}");
 }
 
