@@ -19,7 +19,6 @@
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-use crate::correlated::{Determined, Influence, Size, centre_covariance_px2};
 use crate::model::Shade;
 use crate::normal::Normal;
 use crate::patch::Patch;
@@ -78,26 +77,23 @@ pub(crate) struct Settled {
     pub(crate) shade: Shade,
     /// Weighted squares of the residuals.
     square: f64,
-    covariance: Matrix,
-    determined: Determined,
+    /// Of the unknowns, neighbours taken to err independently.
+    pub(crate) covariance: Matrix,
+    /// So many unknowns the evidence determined, and not the prior.
+    pub(crate) determined: f64,
 }
 
 impl Settled {
     /// Whether it says as much of a patch as another fit with the same weights, but for what each unknown more explains by chance, and has
     /// fewer unknowns: compression makes what looks like a little light from somewhere.
     fn is_simpler_than(&self, other: &Self) -> bool {
-        let fewer = other.determined.all() - self.determined.all();
+        let fewer = other.determined - self.determined;
         fewer > 0.0 && self.square - other.square < fewer
     }
 
     /// Variances of the unknowns, neighbours taken to err independently.
     pub(crate) fn variance(&self) -> Vector {
         self.covariance.diagonal()
-    }
-
-    /// What pulls at the unknowns move them by.
-    pub(crate) fn moved_by(&self, pulls: &Vector) -> Vector {
-        self.covariance * pulls
     }
 
     /// What a pull at each unknown moves the centre by.
@@ -107,9 +103,8 @@ impl Settled {
 
     /// Its centre and what it errs by.
     fn ball(&self, evidence: &impl Evidence) -> Ball {
-        let Errors { influences, size, response } = evidence.errors(self);
-        let alike = Matrix2::identity() * response.alone_px().powi(2);
-        let covariance_px2 = centre_covariance_px2(&influences, &self.determined, size) + alike;
+        let Errors { noise_px2, response } = evidence.errors(self);
+        let covariance_px2 = noise_px2 + Matrix2::identity() * response.alone_px().powi(2);
         Ball { centre_px: self.x.fixed_rows::<2>(0).into(), covariance_px2, response, radius_px: self.x[2] }
     }
 }
@@ -130,10 +125,8 @@ pub(crate) trait Evidence {
 
 /// What makes a fit err.
 pub(crate) struct Errors {
-    /// What each residual moves the centre by, plane by plane.
-    pub(crate) influences: Vec<Vec<Influence>>,
-    /// How large the errors are that they tell of.
-    pub(crate) size: Size,
+    /// Covariance of the centre by noise, and by what the model misses in this frame [px^2].
+    pub(crate) noise_px2: Matrix2<f64>,
     /// What moves the centre alike in both cameras.
     pub(crate) response: Response,
 }
@@ -230,10 +223,7 @@ impl Start {
                 let std_px = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
                 if largest < enough_px.max(FINE * std_px) {
                     let by_prior = stiffness.component_mul(&covariance.diagonal());
-                    let determined = Determined {
-                        outline: (0..BRIGHTNESS).map(|i| 1.0 - by_prior[i]).sum(),
-                        brightness: (BRIGHTNESS..SIZE).map(|i| 1.0 - by_prior[i]).sum(),
-                    };
+                    let determined = SIZE as f64 - by_prior.sum();
                     return Some(Settled { x, shade, square: normal.square, covariance, determined });
                 }
             }

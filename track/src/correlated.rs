@@ -9,9 +9,7 @@
 //!
 //! which is the sandwich of generalised least squares with a stationary noise (Conley 1999, GMM estimation with cross sectional dependence).
 //! A fit of `p` unknowns leaves residuals smaller than the errors. Pixels that err together are fewer than they look, `n / sum_d R(d)`, so
-//! that the variance is raised by `1 / (1 - p sum_d R(d) / n)`. Where it is the edge that moves the centre, unknowns of the outline are told by
-//! its pixels alone, and those of brightness by all. Both axes have their own variance: a shaft that hides the upper edge of a ball, or a motion
-//! that blurs it to either side, is no error across. What they have in common is as if pixels erred independently.
+//! that the variance is raised by `1 / (1 - p sum_d R(d) / n)`. What both axes have in common is as if pixels erred independently.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};
@@ -37,38 +35,12 @@ pub struct Influence {
 /// Least part of the errors' square that residuals are taken to keep, where pixels are hardly more than the unknowns.
 const LEAST_LEFT: f64 = 0.25;
 
-/// How large the errors are that residuals tell of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Size {
-    /// As large as the residuals are on average, and no smaller than expected.
-    Alike,
-    /// As large as the residuals that move the centre: away from the edge much of a JPEG file is exact, as it was rounded to nothing.
-    AtTheEdge,
-}
-
-/// Unknowns of a fit that the pixels determined, and not the prior.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Determined {
-    /// Of the outline and its blur.
-    pub outline: f64,
-    /// Of the brightness.
-    pub brightness: f64,
-}
-
-impl Determined {
-    /// All of them.
-    #[must_use]
-    pub fn all(&self) -> f64 {
-        self.outline + self.brightness
-    }
-}
-
-/// Covariance of the centre [px^2], from the planes' pixels and the unknowns that they determined.
+/// Covariance of the centre [px^2], from the planes' pixels and how many unknowns they determined. Errors are taken to be as large as the
+/// residuals are on average, and no smaller than expected.
 #[must_use]
-pub fn centre_covariance_px2(planes: &[Vec<Influence>], determined: &Determined, size: Size) -> Matrix2<f64> {
-    let planes: Vec<Plane> = planes.iter().map(|plane| dispatch!(*LEVEL, simd => Plane::of(simd, plane, size))).collect();
-    let part = |unknowns: f64, pixels: fn(&Plane) -> f64| unknowns / planes.iter().map(pixels).sum::<f64>().max(1.0);
-    let left = 1.0 - part(determined.outline, |plane| plane.at_the_edge) - part(determined.brightness, |plane| plane.independent);
+pub fn centre_covariance_px2(planes: &[Vec<Influence>], determined: f64) -> Matrix2<f64> {
+    let planes: Vec<Plane> = planes.iter().map(|plane| dispatch!(*LEVEL, simd => Plane::of(simd, plane))).collect();
+    let left = 1.0 - determined / planes.iter().map(|plane| plane.independent).sum::<f64>().max(1.0);
     planes.iter().map(|plane| plane.covariance_px2).sum::<Matrix2<f64>>() / left.max(LEAST_LEFT)
 }
 
@@ -77,14 +49,12 @@ struct Plane {
     covariance_px2: Matrix2<f64>,
     /// So many independent pixels would tell as much of the mean.
     independent: f64,
-    /// The same of those that move the centre, if the size of errors is theirs.
-    at_the_edge: f64,
 }
 
 impl Plane {
     #[inline(always)]
-    fn of<S: Simd>(simd: S, plane: &[Influence], size: Size) -> Self {
-        let Some(grid) = Grid::of(plane) else { return Self { covariance_px2: Matrix2::zeros(), independent: 0.0, at_the_edge: 0.0 } };
+    fn of<S: Simd>(simd: S, plane: &[Influence]) -> Self {
+        let Some(grid) = Grid::of(plane) else { return Self { covariance_px2: Matrix2::zeros(), independent: 0.0 } };
         let (squares, influence) = grid.sums(simd, 0);
         let square = squares / plane.len() as f64;
         let (mut among, mut correlated_px) = (Vector2::zeros(), 0.0);
@@ -96,39 +66,18 @@ impl Plane {
                 correlated_px += 2.0 * products / count;
             }
         }
-        let (square_there, moving) = match size {
-            Size::Alike => (Vector2::repeat(square.max(1.0)), plane.len() as f64),
-            Size::AtTheEdge => at_the_edge(plane),
-        };
         let over_square = |sum: f64| if square > 0.0 { sum / square } else { 0.0 };
         let together = (1.0 + over_square(correlated_px)).max(1.0);
         // How much farther off each axis is than if residuals were independent and as expected.
-        let raised = square_there.zip_zip_map(&influence, &among, |square, influence, among| {
+        let raised = influence.zip_map(&among, |influence, among| {
             let raised = if influence > 0.0 { 1.0 + over_square(among) / influence } else { 1.0 };
-            (square * raised.max(1.0)).sqrt()
+            (square.max(1.0) * raised.max(1.0)).sqrt()
         });
         let [across, along] = &grid.moves_px;
         let in_common = sum_of_products(simd, across, along);
         let independent_px2 = Matrix2::new(influence.x, in_common, in_common, influence.y);
-        Self {
-            covariance_px2: independent_px2.component_mul(&(raised * raised.transpose())),
-            independent: plane.len() as f64 / together,
-            at_the_edge: moving / together,
-        }
+        Self { covariance_px2: independent_px2.component_mul(&(raised * raised.transpose())), independent: plane.len() as f64 / together }
     }
-}
-
-/// Mean square of the residuals by axis, each counting by the square of what it moves, and how many there would be if all moved as much.
-fn at_the_edge(plane: &[Influence]) -> (Vector2<f64>, f64) {
-    let (mut squares, mut moves, mut moves2) = (Vector2::zeros(), Vector2::zeros(), 0.0);
-    for influence in plane {
-        let moved = Vector2::from(influence.moves_px.map(|moves| f64::from(moves).powi(2)));
-        squares += moved * f64::from(influence.whitened).powi(2);
-        moves += moved;
-        moves2 += moved.sum().powi(2);
-    }
-    let mean = squares.zip_map(&moves, |squares, moves| if moves > 0.0 { squares / moves } else { 0.0 });
-    (mean, if moves2 > 0.0 { moves.sum().powi(2) / moves2 } else { 0.0 })
 }
 
 /// A plane's pixels row by row, zeros where there is none. A row ends in so many zeros that no neighbour is one of another row.
@@ -193,9 +142,8 @@ mod tests {
 
     use super::*;
 
-    /// A disc's pixels, of which those at its edge move the centre along their normals, with errors that neighbours in a row share by a half.
-    /// `size` is that of the errors at a place of the unit disc.
-    fn drawn(random: &mut ChaCha8Rng, size: impl Fn(&Vector2<f64>) -> f64) -> Vec<Influence> {
+    /// A disc's pixels, of which those at its edge move the centre along their normals, with errors of 2 that neighbours in a row share by a half.
+    fn drawn(random: &mut ChaCha8Rng) -> Vec<Influence> {
         const RADIUS_PX: f64 = 12.0;
         let mut plane = Vec::new();
         for row in -16..=16 {
@@ -205,7 +153,7 @@ mod tests {
                 let place = Vector2::new(f64::from(column), f64::from(row)) / RADIUS_PX;
                 let edge = (-(12.0 * (place.norm() - 1.0)).powi(2)).exp();
                 let moves = place * (0.02 * edge);
-                let whitened = size(&place) * (here + before) / 2.0_f64.sqrt();
+                let whitened = 2.0_f64.sqrt() * (here + before);
                 plane.push(Influence { pixel: [column, row], whitened: whitened as f32, moves_px: [moves.x as f32, moves.y as f32] });
                 before = here;
             }
@@ -213,35 +161,19 @@ mod tests {
         plane
     }
 
-    /// Covariance of the shifts of many draws, and the mean of what each claims.
-    fn of_many(of: Size, size: impl Fn(&Vector2<f64>) -> f64) -> [Matrix2<f64>; 2] {
+    #[test]
+    fn neighbours_that_err_together_scatter_the_centre_as_claimed() {
         let (mut random, draws) = (ChaCha8Rng::seed_from_u64(3), 2000);
         let (mut scatter, mut claimed) = (Matrix2::zeros(), Matrix2::zeros());
         for _ in 0..draws {
-            let plane = drawn(&mut random, &size);
+            let plane = drawn(&mut random);
             let shift: Vector2<f64> = plane.iter().map(|i| Vector2::from(i.moves_px.map(f64::from)) * f64::from(i.whitened)).sum();
             scatter += shift * shift.transpose() / f64::from(draws);
-            claimed += centre_covariance_px2(&[plane], &Determined { outline: 0.0, brightness: 0.0 }, of) / f64::from(draws);
+            claimed += centre_covariance_px2(&[plane], 0.0) / f64::from(draws);
         }
-        [scatter, claimed]
-    }
-
-    #[test]
-    fn neighbours_that_err_together_scatter_the_centre_as_claimed() {
-        let [scatter, claimed] = of_many(Size::Alike, |_| 2.0);
         for axis in 0..2 {
             let ratio = scatter[(axis, axis)] / claimed[(axis, axis)];
             assert!((0.9..1.1).contains(&ratio), "axis {axis}: {ratio}, {scatter} {claimed}");
-        }
-    }
-
-    #[test]
-    fn errors_of_the_upper_edge_are_claimed_along_and_not_across() {
-        let [scatter, claimed] = of_many(Size::AtTheEdge, |place| if place.y < -0.8 { 4.0 } else { 1.0 });
-        assert!(scatter[(1, 1)] > 3.0 * scatter[(0, 0)], "{scatter}");
-        for axis in 0..2 {
-            let ratio = scatter[(axis, axis)] / claimed[(axis, axis)];
-            assert!((0.8..1.25).contains(&ratio), "axis {axis}: {ratio}, {scatter} {claimed}");
         }
     }
 }

@@ -31,6 +31,7 @@ pub mod reason;
 mod refine;
 pub mod report;
 pub mod response;
+mod sandwich;
 pub mod shared;
 pub mod sieve;
 mod spectrum;

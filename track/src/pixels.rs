@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};
 
 use crate::centre::{Errors, Evidence, RESPONSE_STD_PX, Settled, Vector};
-use crate::correlated::{Influence, Size};
+use crate::correlated::{Influence, centre_covariance_px2};
 use crate::model::{Model, Shade};
 use crate::normal::{Normal, Sums};
 use crate::patch::{CHROMA, LANES, LUMA, Patch};
@@ -89,7 +89,8 @@ impl Evidence for Pixels {
     fn errors(&self, fit: &Settled) -> Errors {
         let mut influences = vec![Vec::new(), Vec::new()];
         dispatch!(*LEVEL, simd => add_influences(simd, &mut influences, fit, &self.patch, &self.weights));
-        Errors { influences, size: Size::Alike, response: Response::untold(RESPONSE_STD_PX) }
+        let noise_px2 = centre_covariance_px2(&influences, fit.determined);
+        Errors { noise_px2, response: Response::untold(RESPONSE_STD_PX) }
     }
 }
 

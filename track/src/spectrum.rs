@@ -16,6 +16,9 @@
 //! ```
 //!
 //! Samples that are not looked at have no trust, as if they were as the model has them.
+//!
+//! Rounding errs less than that where a coefficient and its model are rounded to nothing, and texture more, so that what the centre errs by is
+//! told from the coefficients' misses: see `sandwich`.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x16};
@@ -23,14 +26,14 @@ use fearless_simd::{dispatch, f32x16};
 use nalgebra::Vector2;
 
 use crate::centre::{BLUR, BRIGHTNESS, Errors, Evidence, Matrix, SIZE, Settled, Vector};
-use crate::correlated::{Influence, Size};
-use crate::cosines::{COUNT, SIDE, to_cosines, to_samples};
+use crate::cosines::{COUNT, to_cosines};
 use crate::model::{Light, Model, Place, Shade, Told};
 use crate::normal::Normal;
-use crate::patch::{Block, LANES, LUMA};
+use crate::patch::{Block, CHROMA, LANES, LUMA};
 use crate::pixels::Expected;
 use crate::refine::{robust_mean, shade};
 use crate::response::Response;
+use crate::sandwich::Sandwich;
 use crate::sieve::LEVEL;
 use crate::squares::{BLOCKS, OF_RGB, PLANES, Square, Squares};
 
@@ -174,44 +177,40 @@ impl<'s> Spectrum<'s> {
         Normal::new(matrix, vector, square)
     }
 
-    /// A whitened square goes back to its samples, where neighbours that err together are near one another. Also says what a bent response
-    /// does, as far as the residuals show one.
+    /// Covariance of the centre, and what a bent response does to it, both as far as the residuals tell.
     #[inline(always)]
-    fn add_influences<S: Simd>(&self, simd: S, planes: &mut [Vec<Influence>], fit: &Settled) -> Response {
-        let (mut pulls, mut along, mut squares) = (Vector::zeros(), 0.0, 0.0);
-        let centre_by = fit.centre_by();
+    fn told_by<S: Simd>(&self, simd: S, fit: &Settled) -> Errors {
+        let (mut sandwich, mut pulls, mut along, mut squares) = (Sandwich::default(), Vector::zeros(), 0.0, 0.0);
+        let covariances = [CHROMA, LUMA].map(|blur| in_lanes(&fit.covariance, blur));
         let model = Model::new(simd, &fit.x, fit.shade, self.squares.corner);
         for square in &self.squares.all {
             let lit = lit(&model, square, self.squares);
             for (plane, slot) in square.planes() {
-                let Some(mut lanes) = self.coefficients(simd, &lit, square, plane, slot) else { continue };
+                let Some(lanes) = self.coefficients(simd, &lit, square, plane, slot) else { continue };
                 let blur = self.squares.channels[plane].blur;
-                let by = |axis: usize| {
-                    let lane = |lane: usize| if lane < MISS { centre_by[(axis, unknown(lane, blur))] as f32 } else { 0.0 };
-                    std::array::from_fn(lane)
-                };
-                let [across, down] = [f32x16::load_array(simd, by(0)), f32x16::load_array(simd, by(1))];
                 let bent = self.bent(simd, &lit, square, plane, slot);
                 let mut pull = f32x16::splat(simd, 0.0);
-                for ((coefficient, weight), bent) in lanes.iter_mut().zip(self.weights[plane]).zip(bent) {
+                for ((coefficient, weight), bent) in lanes.iter().zip(self.weights[plane]).zip(bent) {
                     pull = coefficient.mul_add(f32x16::splat(simd, bent * weight), pull);
                     squares += f64::from(bent * weight * bent);
-                    *coefficient *= weight.sqrt();
+                    let derivatives = coefficient.to_array();
+                    let mut moves = f32x16::splat(simd, 0.0);
+                    for (row, derivative) in covariances[blur].iter().zip(derivatives) {
+                        moves = f32x16::load_array(simd, *row).mul_add(f32x16::splat(simd, derivative), moves);
+                    }
+                    // Lanes 0 and 1 are the centre, and that of the miss is 0.
+                    let moves_px = [moves[0], moves[1]].map(|moves| moves * weight);
+                    sandwich.add(derivatives[MISS], (moves * *coefficient).reduce_sum() * weight, moves_px);
                 }
                 (0..MISS).for_each(|lane| pulls[unknown(lane, blur)] += f64::from(pull[lane]));
                 along += f64::from(pull[MISS]);
-                to_samples(&mut lanes);
-                for (i, sample) in lanes.iter().enumerate() {
-                    let pixel = [square.at[0] + (i % SIDE) as i32, square.at[1] + (i / SIDE) as i32];
-                    let moves_px = [(*sample * across).reduce_sum(), (*sample * down).reduce_sum()];
-                    planes[plane].push(Influence { pixel, whitened: sample[MISS], moves_px });
-                }
             }
         }
-        let moved = fit.moved_by(&pulls);
+        let moved = fit.covariance * pulls;
         let shift_px = Vector2::new(moved[0], moved[1]).norm();
         // The residuals tell along what the unknowns cannot take up.
-        Response { shift_px, unshown_px: UNSHOWN_PX, along, information: (squares - pulls.dot(&moved)).max(0.0) }
+        let response = Response { shift_px, unshown_px: UNSHOWN_PX, along, information: (squares - pulls.dot(&moved)).max(0.0) };
+        Errors { noise_px2: sandwich.covariance_px2(), response }
     }
 
     /// By how much a bent response changes a square's coefficients: with grey levels that are roots of the light (gamma 2) a pixel of two
@@ -254,9 +253,7 @@ impl Evidence for Spectrum<'_> {
     }
 
     fn errors(&self, fit: &Settled) -> Errors {
-        let mut influences = vec![Vec::new(); PLANES];
-        let response = dispatch!(*LEVEL, simd => self.add_influences(simd, &mut influences, fit));
-        Errors { influences, size: Size::AtTheEdge, response }
+        dispatch!(*LEVEL, simd => self.told_by(simd, fit))
     }
 }
 
@@ -324,6 +321,12 @@ fn transposed<S: Simd>(mut rows: [f32x16<S>; LANES]) -> [f32x16<S>; LANES] {
         }
     }
     rows
+}
+
+/// Covariances of the unknowns that a plane with this blur tells of, by lane: none with the miss.
+fn in_lanes(covariance: &Matrix, blur: usize) -> [[f32; LANES]; MISS] {
+    let of = |i: usize, j: usize| if j < MISS { covariance[(unknown(i, blur), unknown(j, blur))] as f32 } else { 0.0 };
+    std::array::from_fn(|i| std::array::from_fn(|j| of(i, j)))
 }
 
 /// The unknown by which a lane has the derivative, in a plane with this blur: outline, the one blur, brightness.

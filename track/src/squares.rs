@@ -41,8 +41,6 @@ const BETWEEN: [f64; 4] = [-0.25, 0.75, 0.75, -0.25];
 pub(crate) struct Square {
     /// Two rows of samples each; what is not looked at is far outside of any ball and has the colour of its background.
     pub(crate) blocks: [Block; BLOCKS],
-    /// Column and row of its first sample, counted in samples of the file.
-    pub(crate) at: [i32; 2],
     /// First of its planes.
     first: usize,
 }
@@ -170,7 +168,7 @@ fn add_squares(
     let middle = |axis: usize, sample: i32| (pixels[axis] as i32 * sample) as f32 + 0.5 * (pixels[axis] - 1) as f32 - corner[axis] as f32;
     for y in top / side..=(top + plane.height - 1) / side {
         for x in left / side..=(left + plane.width - 1) / side {
-            let mut square = Square { blocks: [Block::OUTSIDE; BLOCKS], at: [x * side, y * side], first: first_plane };
+            let mut square = Square { blocks: [Block::OUTSIDE; BLOCKS], first: first_plane };
             let mut tells = false;
             for i in 0..COUNT {
                 let (u, v) = (x * side + (i % SIDE) as i32, y * side + (i / SIDE) as i32);
