@@ -8,11 +8,14 @@ use fearless_simd::{f32x16, mask32x16};
 
 use crate::centre::{BLUR, BRIGHTNESS, SIZE, Vector};
 use crate::patch::{Lanes, Samples};
-use crate::pixels::Expected;
+use crate::pixels::{Expected, Outlier};
 
 /// Beyond so many blurs outside the outline a pixel tells nothing of the ball, and within so many all of it is marker.
 const OUTSIDE: f32 = 4.0;
 const INSIDE: f32 = -8.0;
+/// Where a residual pulls no more than a smaller one, and where it is left out, in standard deviations.
+const PULLS: f32 = 1.5;
+const LEFT_OUT: f32 = 6.0;
 /// The normal distribution by a logistic function of an odd polynomial (Page 1977).
 const NORMAL: [f32; 2] = [1.5976, 0.070_565_99];
 /// Height of the normal density.
@@ -186,13 +189,20 @@ impl<S: Simd> Told<S> {
     /// The same of all pixels, background as well.
     #[inline(always)]
     pub(crate) fn trust(&self, simd: S, samples: &Samples, expected: &Expected) -> f32x16<S> {
-        let [noise, edge, inside, huber] = [expected.noise, expected.edge, expected.inside, expected.huber].map(|e| e as f32);
+        let [noise, edge, inside] = [expected.noise, expected.edge, expected.inside].map(|e| e as f32);
         let texture = f32x16::load_array(simd, samples.texture);
         let background = 1.0 - self.share;
         let at_edge = self.share * background * self.contrast * (4.0 * edge);
         let within = self.share * self.bright * inside;
         let variance = background * background * texture + at_edge * at_edge + within * within + noise * noise;
-        (variance.sqrt() * huber / self.miss.abs().max(1e-9)).min(1.0) / variance
+        let kept = match expected.outlier {
+            Outlier::Pulls => (variance.sqrt() * PULLS / self.miss.abs().max(1e-9)).min(1.0),
+            Outlier::IsLeftOut => {
+                let kept = (1.0 - self.miss * self.miss / (variance * (LEFT_OUT * LEFT_OUT))).max(0.0);
+                kept * kept
+            }
+        };
+        kept / variance
     }
 }
 

@@ -20,8 +20,17 @@ const BRIGHTNESS_STD: [f64; 2] = [0.7, 0.15];
 const NOISE: f64 = 3.0;
 /// What the model misses: share of the contrast at the edge, share of the brightness inside.
 const MODEL_ERROR: [f64; 2] = [0.03, 0.03];
-/// Where a residual ceases to count by its square, in standard deviations.
-const HUBER: f64 = 1.5;
+
+/// What becomes of residuals that are larger than expected: the shaft before the ball, a highlight, an edge in the background.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outlier {
+    /// They pull as much as one of 1.5 standard deviations, however large (Huber 1964, Robust estimation of a location parameter): a fit finds
+    /// its place from where the model is far off.
+    Pulls,
+    /// They pull less and, beyond 6, not at all (the biweight of Beaton and Tukey 1974, The fitting of power series, meaning polynomials,
+    /// illustrated on band-spectroscopic data): from a place that is right but for them.
+    IsLeftOut,
+}
 
 /// What a residual of one coordinate of colour is expected to be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,8 +41,8 @@ pub struct Expected {
     pub edge: f64,
     /// What it misses inside, share of the brightness.
     pub inside: f64,
-    /// Where a residual ceases to count by its square, in standard deviations.
-    pub huber: f64,
+    /// What becomes of a residual far beyond that.
+    pub outlier: Outlier,
 }
 
 /// What weighs in a fit.
@@ -47,7 +56,7 @@ pub struct Weights {
 
 impl Default for Weights {
     fn default() -> Self {
-        let expected = Expected { noise: NOISE, edge: MODEL_ERROR[0], inside: MODEL_ERROR[1], huber: HUBER };
+        let expected = Expected { noise: NOISE, edge: MODEL_ERROR[0], inside: MODEL_ERROR[1], outlier: Outlier::Pulls };
         Self { expected: [expected; 2], shade: BRIGHTNESS_STD }
     }
 }

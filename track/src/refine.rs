@@ -14,14 +14,12 @@ use fearless_simd::Simd;
 use crate::centre::{BRIGHTNESS, Settled};
 use crate::model::Told;
 use crate::patch::{CHROMA, LUMA, Patch};
-use crate::pixels::{Expected, Weights, residuals};
+use crate::pixels::{Expected, Outlier, Weights, residuals};
 
 /// Least noise: what rounding to whole grey levels leaves.
 const ROUNDING: f64 = 0.289;
 /// A pixel with less of the marker than this, or of the background, is away from the edge.
 const AWAY: f64 = 0.02;
-/// Where a residual ceases to count by its square: few pixels of a frame without compression are beyond.
-const HUBER: f64 = 2.5;
 
 /// One pixel's residuals, chroma and luma.
 pub(crate) struct Residual {
@@ -74,7 +72,7 @@ pub(crate) fn refined(patch: &Patch, first: &Settled) -> (Patch, Weights) {
             noise: noise2.sqrt(),
             edge: beyond(|r| !r.is_away(), |seen| 4.0 * seen.share * (1.0 - seen.share) * seen.contrast),
             inside: beyond(|r| r.is_away() && r.of[0].share > 0.5, |seen| seen.bright),
-            huber: HUBER,
+            outlier: Outlier::IsLeftOut,
         }
     });
     (patch.without_noise(expected.map(|e| e.noise * e.noise)), Weights { expected, shade: shade(first) })
