@@ -14,8 +14,10 @@ use crate::perspective::ball_centre;
 use crate::predict::View;
 use crate::response::Response;
 
-/// Side of the region of interest while the marker is seen [px].
+/// Side of the region of interest of Haghighipanah et al. 2017 while the marker is seen [px].
 pub const REGION_PX: f64 = 100.0;
+/// The same where balls are fitted: less of a frame is decoded, and motors and the last sight tell the place to a few pixels.
+const BALL_REGION_PX: f64 = 64.0;
 /// Side of the region of interest at the start [px].
 const FIRST_REGION_PX: f64 = 300.0;
 /// The region is at least so many radii of the marker wide.
@@ -118,7 +120,8 @@ impl Search {
     /// The marker was seen: the region shrinks.
     pub fn seen(&mut self, share: f64) {
         self.size.accept(share);
-        self.side_px = (0.5 * self.side_px).max(REGION_PX);
+        let least_px = if self.marker.centre == Centre::Contour { REGION_PX } else { BALL_REGION_PX };
+        self.side_px = (0.5 * self.side_px).max(least_px);
     }
 
     /// The marker was not found: the region grows, up to twice the image.

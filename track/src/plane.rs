@@ -12,8 +12,8 @@ const WINDOW_PX: i32 = 3;
 /// Fewest pixels that make a background.
 const FEWEST: f64 = 6.0;
 
-/// What a pixel, or a sample of some, is.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// What a pixel, or a sample of some, is, from within to without.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Core,
     Edge,

@@ -168,18 +168,19 @@ fn add_squares(
     let middle = |axis: usize, sample: i32| (pixels[axis] as i32 * sample) as f32 + 0.5 * (pixels[axis] - 1) as f32 - corner[axis] as f32;
     for y in top / side..=(top + plane.height - 1) / side {
         for x in left / side..=(left + plane.width - 1) / side {
+            let rows = (y * side).max(top)..((y + 1) * side).min(top + plane.height);
+            let columns = (x * side).max(left)..((x + 1) * side).min(left + plane.width);
+            let at = |u: i32, v: i32| ((v - top) * plane.width + u - left) as usize;
+            let tells = |v: i32| plane.kinds[at(columns.start, v)..=at(columns.end - 1, v)].iter().any(|kind| *kind < Kind::Outside);
+            if !rows.clone().any(tells) {
+                continue;
+            }
             let mut square = Square { blocks: [Block::OUTSIDE; BLOCKS], first: first_plane };
-            let mut tells = false;
-            for i in 0..COUNT {
-                let (u, v) = (x * side + (i % SIDE) as i32, y * side + (i / SIDE) as i32);
-                let (column, row) = (u - left, v - top);
-                if !((0..plane.width).contains(&column) && (0..plane.height).contains(&row)) {
-                    continue;
-                }
-                let at = (row * plane.width + column) as usize;
+            for (u, v) in rows.flat_map(|v| columns.clone().map(move |u| (u, v))) {
+                let at = at(u, v);
                 let [background, texture] = match plane.kinds[at] {
                     Kind::Core => everywhere,
-                    Kind::Edge | Kind::Outside => plane.nearby(column, row)?,
+                    Kind::Edge | Kind::Outside => plane.nearby(u - left, v - top)?,
                     Kind::Far => continue,
                 };
                 if plane.kinds[at] == Kind::Edge {
@@ -188,7 +189,7 @@ fn add_squares(
                         *within += texture[k];
                     }
                 }
-                tells |= plane.kinds[at] != Kind::Outside;
+                let i = ((v - y * side) * side + u - x * side) as usize;
                 let (block, lane) = (&mut square.blocks[i / LANES], i % LANES);
                 (block.u[lane], block.v[lane]) = (middle(0, u), middle(1, v));
                 for (slot, samples) in block.planes.iter_mut().enumerate() {
@@ -198,9 +199,7 @@ fn add_squares(
                     (samples.colour[lane], samples.background[lane], samples.texture[lane]) = (colour, background, texture);
                 }
             }
-            if tells {
-                all.push(square);
-            }
+            all.push(square);
         }
     }
     Some(sums.map(|[between, within]| if between > 0.0 { (1.0 - within / (INDEPENDENT * between)).max(0.0) } else { 0.0 }))
