@@ -41,8 +41,8 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub fn screen(&self, base: &Hypothesis, reached: f64) -> Result<Vec<Candidate>> {
-        let others: Vec<usize> = (0..self.coordinates.sited.len()).filter(|e| !base.effects.contains(e)).collect();
-        self.screen_some(base, reached, &others)
+        let all: Vec<usize> = (0..self.coordinates.sited.len()).collect();
+        self.screen_some(base, reached, &all)
     }
 
     /// As [`Self::screen`], of some effects only.
@@ -67,6 +67,7 @@ impl Fitter<'_> {
             promise.map_or(0.0, |(promise, _)| promise + self.beyond_normal(&base.effects, &|c| base.u[c], &|c| base.std(c)) - reached);
         let candidates: Result<Vec<Option<Candidate>>> = some
             .par_iter()
+            .filter(|effect| !base.effects.contains(effect))
             .map(|&effect| {
                 let mut best: Option<Candidate> = None;
                 for start in self.starts(effect, &base.u) {

@@ -97,6 +97,16 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Observed for Seen<R> {
 }
 
 #[test]
+fn no_effect_is_looked_for_beside_itself() {
+    let rows = Seen::new(&[("cable-coupling", [0, 1])], moved_by(|u| u[0], 1.2, f64::NEG_INFINITY));
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let found = fitter.fit(&[0], &fitter.nowhere(), None).unwrap().unwrap();
+    assert!(fitter.screen_some(&found, found.evidence, &[0]).unwrap().is_empty());
+    assert!(!fitter.screen_some(&fitter.at_nominal().unwrap().unwrap(), 0.0, &[0]).unwrap().is_empty());
+}
+
+#[test]
 fn where_joints_happen_to_stick_is_no_evidence_for_an_effect() {
     // The tolerance pulls the nominal model a little further back than an effect, and there the elbow sticks.
     let sticks_below = 1.198;
