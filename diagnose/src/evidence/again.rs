@@ -29,9 +29,7 @@ impl Fitter<'_> {
             each();
         }
         self.add_and_shed(&mut outcome, &nominal, each)?;
-        self.look_closely(&mut outcome)?;
-        self.hold_against_ties(&mut outcome)?;
-        self.temper(&mut outcome);
+        self.decide(&mut outcome)?;
         Ok(Some(outcome))
     }
 

@@ -20,10 +20,6 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub(super) fn look_closely(&self, outcome: &mut Outcome) -> Result<()> {
-        // Where so much remains that what a fit stops short of is worth less than a nat, it decides nothing.
-        if self.explains_little(outcome) && self.leftover(&outcome.best).most() > WITHIN_NATS {
-            return Ok(());
-        }
         let Some(leading) = self.leading(outcome) else { return Ok(()) };
         if leading.evidence - outcome.none.evidence > WITHIN_NATS {
             return Ok(());

@@ -67,9 +67,7 @@ impl Fitter<'_> {
         if self.found_again(&mut outcome, &nominal)? {
             self.add_and_shed(&mut outcome, &nominal, each)?;
         }
-        self.look_closely(&mut outcome)?;
-        self.hold_against_ties(&mut outcome)?;
-        self.temper(&mut outcome);
+        self.decide(&mut outcome)?;
         Ok(Some(outcome))
     }
 
@@ -145,6 +143,21 @@ impl Fitter<'_> {
     /// Whether the best hypothesis leaves something, and more of the misfit than it accounts for.
     pub(super) fn explains_little(&self, outcome: &Outcome) -> bool {
         self.leftover(&outcome.best).remains() && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED
+    }
+
+    /// Looks closely at what is likely, and weighs all of it.
+    pub(super) fn decide(&self, outcome: &mut Outcome) -> Result<()> {
+        if !self.leaves_most(outcome) {
+            self.look_closely(outcome)?;
+            self.hold_against_ties(outcome)?;
+        }
+        self.temper(outcome);
+        Ok(())
+    }
+
+    /// Whether the best hypothesis explains little and leaves so much that what a closer look is worth is less than a nat: it decides nothing.
+    pub fn leaves_most(&self, outcome: &Outcome) -> bool {
+        self.explains_little(outcome) && self.leftover(&outcome.best).most() > WITHIN_NATS
     }
 
     /// The better of `best` and of effects that the fitted nominal model has as strained numbers.
