@@ -21,6 +21,8 @@ pub struct Candidate {
     pub evidence: f64,
     /// Where a fit should start.
     pub start: Vec<f64>,
+    /// By how much slopes at the same point were wrong about the point's own hypothesis [nat].
+    pub doubt: f64,
 }
 
 /// The point from which effects are looked at.
@@ -166,7 +168,7 @@ impl Fitter<'_> {
         coordinates.iter().zip(step.iter()).for_each(|(&c, step)| u[c] = self.kept_inside(c, u[c], *step));
         let std = |c: usize| coordinates.iter().position(|&at| at == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
         let evidence = evidence + self.beyond_normal(&effects, &|c| u[c], &std) - point.promised;
-        Ok(Some(Candidate { evidence, effects, start: u }))
+        Ok(Some(Candidate { evidence, effects, start: u, doubt: point.promised.abs() }))
     }
 
     /// Whether an effect lets a joint float, as backlash does: without a load it settles anywhere, and only rolled-out links say where it is.

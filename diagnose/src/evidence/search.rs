@@ -22,6 +22,9 @@ const ROUNDS_MAX: usize = 5;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 pub(super) const WITHIN_NATS: f64 = 25.0;
 pub(super) const REFITTED: [usize; 2] = [2, 8];
+/// So many are, at least, of those that are no farther behind than slopes were wrong by at the point they were looked at from: a joint's zero that
+/// is degrees off bends what slopes say of everything.
+const DOUBTED: usize = 4;
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
 /// So many of either are fitted at a time, before the next are held against them: on every machine, or verdicts would depend on its processors.
@@ -250,8 +253,11 @@ impl Fitter<'_> {
         // The screen can promise too much: what counts is how far a promise is behind the best that was kept.
         for batch in candidates[..most.min(candidates.len())].chunks(AT_ONCE) {
             let reached = fitted.iter().map(|h| h.evidence).fold(f64::NEG_INFINITY, f64::max);
-            let near =
-                batch.iter().take_while(|c| c.evidence > reached - WITHIN_NATS).count().max(least.saturating_sub(tried).min(batch.len()));
+            let is_near = |(k, c): &(usize, &Candidate)| {
+                let within = if tried + k < DOUBTED { WITHIN_NATS.max(c.doubt) } else { WITHIN_NATS };
+                tried + k < least || c.evidence > reached - within
+            };
+            let near = batch.iter().enumerate().take_while(is_near).count();
             let fit = |candidate: &Candidate| match outcome.known_from(candidate) {
                 Some(known) => self.at_least(Some(known.clone()), candidate, &from),
                 None => self.fitted_at_least(candidate, like, &from),
