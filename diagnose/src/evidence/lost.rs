@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 use super::fit::{Fitter, Following, Hypothesis, cost};
 use super::outcome::Outcome;
+use super::search::WITHIN_NATS;
 
 /// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
 pub(super) const LOST_NATS: f64 = 1.0;
@@ -76,20 +77,27 @@ impl Fitter<'_> {
         Ok(other)
     }
 
-    /// `best`, fitted on by slopes of rolled-out links if it has a cable so soft that its joint follows slowly: those of settled links lead it
-    /// astray by tens of nats, which another effect then makes good.
+    /// The better of `best` and of cables that are hardly behind it and so soft that their joints follow slowly, fitted on by slopes of
+    /// rolled-out links: those of settled links lead them astray by tens of nats, which another effect then makes good.
     pub(super) fn followed_closely(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
-        let is_soft = |&effect: &usize| {
+        let is_soft = |h: &Hypothesis, effect: usize| {
             let Sited { effect: Effect { id, parameters, .. }, .. } = self.coordinates.sited[effect];
-            *id == "cable-stretch" && matches!(parameters[0].scale, Scale::Factor(_)) && self.coordinates.values(effect, &best.u)[0] < SOFT
+            *id == "cable-stretch" && matches!(parameters[0].scale, Scale::Factor(_)) && self.coordinates.values(effect, &h.u)[0] < SOFT
         };
-        if !best.effects.iter().any(is_soft) {
-            return Ok(best);
+        let has_soft = |h: &&Hypothesis| h.effects.iter().any(|&effect| is_soft(h, effect));
+        let near = |h: &&Hypothesis| h.effects != best.effects && h.evidence > best.evidence - WITHIN_NATS;
+        let others = outcome.fitted.values().map(|(hypothesis, _)| hypothesis).filter(near);
+        let soft: Vec<Hypothesis> = [&best].into_iter().chain(others).filter(has_soft).cloned().collect();
+        let mut best = best;
+        for other in soft {
+            let closely = self.fit_with(&other.effects, &other.u, None, Following::RolledOut)?;
+            let Some(closely) = closely.filter(|closely| closely.evidence > other.evidence) else { continue };
+            outcome.keep(&closely);
+            if closely.evidence > best.evidence {
+                best = closely;
+            }
         }
-        let closely = self.fit_with(&best.effects, &best.u, None, Following::RolledOut)?;
-        let Some(closely) = closely.filter(|closely| closely.evidence > best.evidence) else { return Ok(best) };
-        outcome.keep(&closely);
-        Ok(closely)
+        Ok(best)
     }
 
     /// Fits what an effect of the best hypothesis may stand in for, with the values that do about the same; as [`Self::closely`].
