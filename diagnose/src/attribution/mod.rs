@@ -167,9 +167,6 @@ fn attributed(rows: &dyn Sampled, mut each: impl FnMut()) -> Result<Attribution>
     let coordinates = Coordinates::new(rows.robot(), rows);
     let fitter = Fitter::new(rows, &coordinates);
     let outcome = followed(rows, fitter.search(&mut each)?)?;
-    if fitter.leaves_most(&outcome) {
-        return concluded(rows, &coordinates, &outcome);
-    }
     // Friction that was found makes samples near rest doubtful that were not: the likely hypotheses are judged anew.
     let Some(rows) = rows.reweighted(&coordinates.settings(&fitter.effects_alone(&outcome.best)))? else {
         return concluded(rows, &coordinates, &outcome);

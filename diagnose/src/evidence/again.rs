@@ -28,7 +28,9 @@ impl Fitter<'_> {
             }
             each();
         }
-        self.add_and_shed(&mut outcome, &nominal, each)?;
+        if !self.leaves_most(&outcome) {
+            self.add_and_shed(&mut outcome, &nominal, each)?;
+        }
         self.decide(&mut outcome)?;
         Ok(Some(outcome))
     }

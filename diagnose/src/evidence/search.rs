@@ -159,7 +159,7 @@ impl Fitter<'_> {
     }
 
     /// Whether the best hypothesis explains little and leaves so much that what a closer look is worth is less than a nat: it decides nothing.
-    pub fn leaves_most(&self, outcome: &Outcome) -> bool {
+    pub(super) fn leaves_most(&self, outcome: &Outcome) -> bool {
         self.explains_little(outcome) && self.leftover(&outcome.best).most() > WITHIN_NATS
     }
 
