@@ -9,7 +9,8 @@
 //! `b` is the background nearby, `d` the distance from the outline, an ellipse about `(u, v)`, and `w` the blur of its edge:
 //! `a` is the normal distribution to 0.0002. The marker's brightness `f` over the ball is that of a matt sphere: nine coefficients of the surface normal, as light of any direction
 //! needs no more (Ramamoorthi and Hanrahan 2001). A centroid, of the mask or weighted, drifts towards the light by tenths of a pixel.
-//! What fits badly weighs less (Huber), so a shaft before the ball, a highlight or an edge in the background do little harm.
+//! What fits badly weighs less in the first fit and is left out of the next, so a shaft before the ball, a highlight or an edge in the background
+//! do little harm.
 //!
 //! On a JPEG frame the next fits go by the file's own samples and how they were rounded: see `squares` and `spectrum`.
 //!
