@@ -79,7 +79,7 @@ impl Fitter<'_> {
 
     /// The better of `best` and of cables that are hardly behind it and so soft that their joints follow slowly, fitted on by slopes of
     /// rolled-out links: those of settled links lead them astray by tens of nats, which another effect then makes good.
-    pub(super) fn followed_closely(&self, outcome: &mut Outcome, best: Hypothesis) -> Result<Hypothesis> {
+    pub(super) fn followed_closely(&self, outcome: &mut Outcome, mut best: Hypothesis) -> Result<Hypothesis> {
         let is_soft = |h: &Hypothesis, effect: usize| {
             let Sited { effect: Effect { id, parameters, .. }, .. } = self.coordinates.sited[effect];
             *id == "cable-stretch" && matches!(parameters[0].scale, Scale::Factor(_)) && self.coordinates.values(effect, &h.u)[0] < SOFT
@@ -88,7 +88,6 @@ impl Fitter<'_> {
         let near = |h: &&Hypothesis| h.effects != best.effects && h.evidence > best.evidence - WITHIN_NATS;
         let others = outcome.fitted.values().map(|(hypothesis, _)| hypothesis).filter(near);
         let soft: Vec<Hypothesis> = [&best].into_iter().chain(others).filter(has_soft).cloned().collect();
-        let mut best = best;
         for other in soft {
             let closely = self.fit_with(&other.effects, &other.u, None, Following::RolledOut)?;
             let Some(closely) = closely.filter(|closely| closely.evidence > other.evidence) else { continue };

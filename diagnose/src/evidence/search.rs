@@ -22,8 +22,8 @@ const ROUNDS_MAX: usize = 5;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 pub(super) const WITHIN_NATS: f64 = 25.0;
 pub(super) const REFITTED: [usize; 2] = [2, 8];
-/// So many are, at least, of those that are no farther behind than slopes were wrong by at the point they were looked at from: a joint's zero that
-/// is degrees off bends what slopes say of everything.
+/// The first so many are, too, if they are no farther behind than slopes were wrong by at the point they were looked at from: a joint's zero that is
+/// degrees off bends what slopes say of everything.
 const DOUBTED: usize = 4;
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
