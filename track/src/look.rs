@@ -16,12 +16,13 @@ use crate::response::Response;
 
 /// Side of the region of interest of Haghighipanah et al. 2017 while the marker is seen [px].
 pub const REGION_PX: f64 = 100.0;
-/// The same where balls are fitted: less of a frame is decoded, and motors and the last sight tell the place to a few pixels.
-const BALL_REGION_PX: f64 = 64.0;
+/// The same where balls are fitted: less of a frame is decoded, and motors and the last sight tell the place to a few pixels. A blob that reaches
+/// over the edge is looked for in a wider one.
+const BALL_REGION_PX: f64 = 48.0;
 /// Side of the region of interest at the start [px].
 const FIRST_REGION_PX: f64 = 300.0;
 /// The region is at least so many radii of the marker wide.
-const REGION_RADII: f64 = 8.0;
+const REGION_RADII: f64 = 6.0;
 /// What is flatter or less like an ellipse is no ball, even in motion.
 const MIN_ASPECT: f64 = 0.6;
 const MIN_FILL: f64 = 0.9;
