@@ -63,12 +63,20 @@ pub(crate) type Matrix = SMatrix<f64, SIZE, SIZE>;
 pub struct Ball {
     /// Centre of the outline `(u, v)` [px].
     pub centre_px: Vector2<f64>,
-    /// Covariance of the centre, as far as this ball tells [px^2].
-    pub covariance_px2: Matrix2<f64>,
-    /// The part of that which is alike in both cameras: what the camera's response makes, and what no residual shows.
+    /// Covariance of the centre by noise, and by what the model misses in this frame [px^2].
+    pub noise_px2: Matrix2<f64>,
+    /// What moves the centre alike in both cameras, beside that.
     pub response: Response,
     /// Mean radius of the outline [px].
     pub radius_px: f64,
+}
+
+impl Ball {
+    /// Covariance of the centre by both, as far as this ball alone tells [px^2].
+    #[must_use]
+    pub fn covariance_px2(&self) -> Matrix2<f64> {
+        self.response.beside(self.noise_px2)
+    }
 }
 
 /// A fit that has settled.
@@ -105,8 +113,7 @@ impl Settled {
     /// Its centre and what it errs by.
     fn ball(&self, evidence: &impl Evidence) -> Ball {
         let Errors { noise_px2, response } = evidence.errors(self);
-        let covariance_px2 = noise_px2 + Matrix2::identity() * response.alone_px().powi(2);
-        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), covariance_px2, response, radius_px: self.x[2] }
+        Ball { centre_px: self.x.fixed_rows::<2>(0).into(), noise_px2, response, radius_px: self.x[2] }
     }
 }
 

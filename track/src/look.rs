@@ -43,14 +43,22 @@ pub struct Marker {
 pub struct Candidate {
     /// Image of the ball's centre [px].
     pub centre: Vector2<f64>,
-    /// Its covariance, as far as this frame tells [px^2].
-    pub covariance_px2: Matrix2<f64>,
-    /// The part of that which is alike in both cameras.
+    /// Covariance of the centre by noise [px^2].
+    pub noise_px2: Matrix2<f64>,
+    /// What moves the centre alike in both cameras, beside that.
     pub response: Response,
     /// Radius [px].
     pub radius_px: f64,
     /// Area over the area expected at the predicted depth.
     pub share: f64,
+}
+
+impl Candidate {
+    /// Covariance of the centre by both, as far as this frame alone tells [px^2].
+    #[must_use]
+    pub fn covariance_px2(&self) -> Matrix2<f64> {
+        self.response.beside(self.noise_px2)
+    }
 }
 
 /// What a search found in one frame.
@@ -114,7 +122,7 @@ impl Search {
                 Centre::Contour => seen_px,
                 Centre::Ball | Centre::Refined => ball_centre(&self.camera, &seen_px, ball.radius_px),
             };
-            Candidate { centre, covariance_px2: ball.covariance_px2, response: ball.response, radius_px: ball.radius_px, share }
+            Candidate { centre, noise_px2: ball.noise_px2, response: ball.response, radius_px: ball.radius_px, share }
         })
     }
 

@@ -152,8 +152,8 @@ impl<'i> Blobs<'i> {
     #[must_use]
     pub fn centre(&self, blob: &Blob, kind: Centre) -> Ball {
         let disc_px = (blob.area_px / std::f64::consts::PI).sqrt();
-        let covariance_px2 = Matrix2::identity() * CONTOUR_STD_PX.powi(2);
-        let contour = Ball { centre_px: blob.contour_px, covariance_px2, response: Response::untold(RESPONSE_STD_PX), radius_px: disc_px };
+        let noise_px2 = Matrix2::identity() * (CONTOUR_STD_PX.powi(2) - RESPONSE_STD_PX.powi(2));
+        let contour = Ball { centre_px: blob.contour_px, noise_px2, response: Response::untold(RESPONSE_STD_PX), radius_px: disc_px };
         if kind == Centre::Contour || blob.cut_off || blob.area_px < FEWEST_PX {
             return contour;
         }

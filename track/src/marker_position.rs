@@ -132,7 +132,7 @@ fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
     let round = blobs.found.iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
     let disc = |ball: Ball| Disc {
         centre_px: ball_centre(camera, &ball.centre_px, ball.radius_px),
-        covariance_px2: ball.covariance_px2,
+        covariance_px2: ball.covariance_px2(),
         radius_px: ball.radius_px,
     };
     round.map(|blob| disc(blobs.centre(blob, marker.centre))).collect()

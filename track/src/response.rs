@@ -10,6 +10,8 @@
 //!
 //! of such a response. Neither it nor the light changes between frames, so that the sums go over all of a camera's frames.
 
+use nalgebra::Matrix2;
+
 /// How much of a bent response there may be before residuals tell, where one is a response by the square root. By rendered balls it is found
 /// to 0.2, and half of it is where harmonics follow the light badly: so much shows that there is one, and as much may be there unseen.
 const UNKNOWN: f64 = 0.6;
@@ -52,10 +54,10 @@ impl Response {
         (shift_px * std::f64::consts::FRAC_1_SQRT_2).hypot(self.unshown_px)
     }
 
-    /// The same as far as this ball tells.
+    /// Covariance of a centre beside its noise [px^2], as far as this ball tells.
     #[must_use]
-    pub fn alone_px(&self) -> f64 {
-        self.alike_px(Self::part([self]))
+    pub fn beside(&self, noise_px2: Matrix2<f64>) -> Matrix2<f64> {
+        noise_px2 + Matrix2::identity() * self.alike_px(Self::part([self])).powi(2)
     }
 }
 
@@ -69,7 +71,7 @@ mod tests {
         let alike_px = |all: &[Response]| all[0].alike_px(Response::part(all));
         // No response, by balls that scatter; then one that half the part shows.
         let straight: Vec<Response> = (0..100).map(|k| ball(if k % 2 == 0 { 4.0 } else { -4.0 })).collect();
-        assert!(straight[0].alone_px() > 0.13);
+        assert!(straight[0].beside(Matrix2::zeros()).m11 > 0.13_f64.powi(2));
         approx::assert_relative_eq!(alike_px(&straight), (0.2 * 0.25 / 2.0_f64.sqrt()).hypot(0.02), epsilon = 1e-12);
         let bent: Vec<Response> = (0..100).map(|_| ball(6.0)).collect();
         approx::assert_relative_eq!(alike_px(&bent), (0.2 / 2.0_f64.sqrt()).hypot(0.02), epsilon = 1e-12);

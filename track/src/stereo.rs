@@ -82,12 +82,11 @@ impl StereoTrack {
 
 /// What a frame shows, with such a part of a bent response.
 fn sample(record: &Record, time_s: f64, bent: f64) -> Sample {
-    let Some(&Candidate { centre, covariance_px2, response, .. }) = record.sighting.seen() else {
+    let Some(&Candidate { centre, noise_px2, response, .. }) = record.sighting.seen() else {
         return Sample { time_s, centre: None, alike_px: 0.0 };
     };
     let alike_px = response.alike_px(bent);
-    let covariance_px2 = covariance_px2 + Matrix2::identity() * (alike_px.powi(2) - response.alone_px().powi(2));
-    Sample { time_s, centre: Some((centre, covariance_px2)), alike_px }
+    Sample { time_s, centre: Some((centre, noise_px2 + Matrix2::identity() * alike_px.powi(2))), alike_px }
 }
 
 /// How much of the stamps' scatter about the pace is the frames' own.
@@ -161,8 +160,8 @@ mod tests {
             let centre = Vector2::new(300.0 + 60.0 * (1.6 * time_s).sin(), 200.0 + 60.0 * (1.6 * time_s).cos()) + noise;
             let candidate = Candidate {
                 centre,
-                covariance_px2: Matrix2::identity() * 0.08_f64.powi(2),
-                response: Response::untold(0.07),
+                noise_px2: Matrix2::identity() * 0.08_f64.powi(2),
+                response: Response::default(),
                 radius_px: 8.0,
                 share: 1.0,
             };

@@ -199,7 +199,7 @@ impl<'a> Tracker<'a> {
     fn pair(&self, chosen: [Candidate; 2], left: &Look, right: &Look, time_s: f64) -> Option<Pair> {
         let moved = view(self.cameras, Side::Right, &(left.tip + self.lock.offset_m()))?.pixel - right.expected.pixel;
         let pixels = [chosen[0].centre, chosen[1].centre + moved];
-        let point = triangulate(self.cameras, &pixels, &chosen.map(|c| c.covariance_px2))?;
+        let point = triangulate(self.cameras, &pixels, &chosen.map(|c| c.covariance_px2()))?;
         if point.chi2 > EPIPOLAR_CHI2 {
             return None;
         }

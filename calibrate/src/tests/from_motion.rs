@@ -75,8 +75,8 @@ fn records(recording: &Recording, side: Side, seed: u64) -> Vec<Record> {
         let pixel = if side == Side::Left { tip.left_px } else { tip.right_px };
         let candidate = Candidate {
             centre: Vector2::from(pixel),
-            covariance_px2: Matrix2::identity() * NOISE_PX.powi(2),
-            response: Response::untold(0.07),
+            noise_px2: Matrix2::identity() * NOISE_PX.powi(2),
+            response: Response::default(),
             radius_px: 8.0,
             share: 1.0,
         };

@@ -123,13 +123,8 @@ mod tests {
         for i in 0..2000_u32 {
             frame.stamp = Stamp::from_ros(100, 0).plus_seconds(f64::from(i) / 10.0);
             let centre = Vector2::new(30.0 + f64::from(i % 7), 20.0);
-            let candidate = Candidate {
-                centre,
-                covariance_px2: Matrix2::identity() * 0.01,
-                response: Response::untold(0.07),
-                radius_px: 4.0,
-                share: 1.0,
-            };
+            let candidate =
+                Candidate { centre, noise_px2: Matrix2::identity() * 0.01, response: Response::untold(0.07), radius_px: 4.0, share: 1.0 };
             let (sighting, reason) = match i % 100 {
                 13 => (Sighting::Hidden, Reason::NoColour),
                 50 => (Sighting::Rejected(candidate), Reason::Elsewhere),

@@ -146,7 +146,7 @@ mod tests {
 
     fn looked(centre: Vector2<f64>, side_px: u32) -> Looked {
         let candidate =
-            Candidate { centre, covariance_px2: Matrix2::identity() * 0.01, response: Response::untold(0.07), radius_px: 8.0, share: 1.0 };
+            Candidate { centre, noise_px2: Matrix2::identity() * 0.01, response: Response::untold(0.07), radius_px: 8.0, share: 1.0 };
         let expected = centre + Vector2::new(3.0, 4.0);
         let searched = Some((expected, Region::around(&expected, side_px)));
         Looked { sighting: Sighting::Seen(candidate), reason: Reason::Seen, searched }

@@ -84,7 +84,7 @@ fn the_ball_is_found_where_it_is_and_as_well_as_it_says() {
             let error = rms(found.iter().map(|f| f.error(refined)));
             let contour = rms(found.iter().map(Found::contour_error));
             let ball = |f: &Found| f.balls[usize::from(refined)];
-            let squared = found.iter().map(|f| f.error(refined).norm_squared() / ball(f).covariance_px2.trace());
+            let squared = found.iter().map(|f| f.error(refined).norm_squared() / ball(f).covariance_px2().trace());
             let (normalised, beyond) = squared.fold((0.0, 0), |(sum, n), z2| (sum + z2 / 60.0, n + i32::from(z2 > 4.5)));
             let radius = found.iter().map(|f| ball(f).radius_px / 60.0).sum::<f64>();
             let case = format!(

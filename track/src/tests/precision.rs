@@ -141,12 +141,12 @@ fn hold(ratios: &[f64]) -> bool {
 
 #[test]
 fn centres_scatter_as_they_claim_raw_and_compressed() {
-    let ratios = square_over_variance(&LIGHTS, 1.0, |ball| 0.5 * ball.covariance_px2.trace() - ball.response.alone_px().powi(2));
+    let ratios = square_over_variance(&LIGHTS, 1.0, |ball| 0.5 * ball.noise_px2.trace());
     assert!(hold(&ratios), "{ratios:?}");
 }
 
 #[test]
 fn a_cameras_response_moves_balls_that_are_lit_from_one_side_as_claimed() {
-    let ratios = square_over_variance(&LIGHTS[1..], 2.2, |ball| 0.5 * ball.covariance_px2.trace());
+    let ratios = square_over_variance(&LIGHTS[1..], 2.2, |ball| 0.5 * ball.covariance_px2().trace());
     assert!(hold(&ratios), "{ratios:?}");
 }
