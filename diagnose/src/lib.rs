@@ -130,14 +130,13 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let bar = cli::progress(args.logs.len() as u64, "reading recordings");
-    let (mut recordings, mut residuals) = (Vec::new(), Vec::new());
+    let mut recordings = Vec::new();
     for path in &args.logs {
-        let recording = Recording::read(path, &(&robot).into())?;
-        residuals.push(channels(&recording, &robot)?);
-        recordings.push(recording);
+        recordings.push(Recording::read(path, &(&robot).into())?);
         bar.inc(1);
     }
     bar.finish_and_clear();
+    let mut residuals = channels(&recordings, &robot)?;
     if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
         let tracked = recordings.iter().map(|recording| (&recording.path, Cameras::of_tracked(recording)));
         cameras.warn_if_others_tracked(cameras_path, tracked)?;
@@ -148,7 +147,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let mut simulations = Vec::new();
     if !args.against.is_empty() {
         (recordings, simulations) = against::compare(&robot, cameras.as_ref(), &recordings, &args.against)?;
-        residuals = recordings.iter().map(|recording| channels(recording, &robot)).collect::<Result<_>>()?;
+        residuals = channels(&recordings, &robot)?;
         lenses = None;
     }
     let sorted = whereabouts::recorded(&robot, lenses, &recordings, &residuals)?;

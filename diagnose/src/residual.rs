@@ -36,26 +36,22 @@ pub struct Channels {
     pub unreachable: usize,
 }
 
-/// Residuals of `recording` against `robot`.
+/// Residuals of each of `recordings` against `robot`.
 ///
 /// # Errors
-/// If the log lacks motor angles, or neither a tip nor joint encoders nor the controller's angles can be compared with them.
-pub fn channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
-    let mut channels = match robot.arm() {
-        Ok(arm) => arm_channels(recording, robot, &arm)?,
-        Err(error) if !matches!(robot.kinematics, KinematicsKind::Bench) => return Err(error),
-        Err(_) => bench_channels(recording, robot)?,
+/// If a log lacks motor angles, or neither a tip nor joint encoders nor the controller's angles can be compared with them.
+pub fn channels(recordings: &[Recording], robot: &Robot) -> Result<Vec<Channels>> {
+    let mut all: Vec<Channels> = if matches!(robot.kinematics, KinematicsKind::Bench) {
+        let signs = Signs::of(robot, recordings)?;
+        recordings.iter().map(|recording| bench_channels(recording, robot, &signs)).collect::<Result<_>>()?
+    } else {
+        let arm = robot.arm()?;
+        recordings.iter().map(|recording| arm_channels(recording, robot, &arm)).collect::<Result<_>>()?
     };
-    let arm = !matches!(robot.kinematics, KinematicsKind::Bench);
-    if arm && channels.joints.is_empty() && channels.controller_difference.is_none() {
-        let message =
-            "has motor angles but neither /tip, /joint_encoders nor the controller's joint angles: there is nothing to compare them with.";
-        return Err(Error::file(&recording.path, message));
+    for channels in &mut all {
+        channels.joints.iter_mut().chain([&mut channels.tip]).for_each(drop_non_finite);
     }
-    for residuals in channels.joints.iter_mut().chain([&mut channels.tip]) {
-        drop_non_finite(residuals);
-    }
-    Ok(channels)
+    Ok(all)
 }
 
 fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Channels> {
@@ -63,7 +59,12 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
     let mut channels =
         Channels { controller_difference: controller_difference(recording, &robot.before_calibration().arm()?)?, ..Channels::default() };
     if recording.tip.is_empty() {
-        return Ok(channels);
+        if channels.controller_difference.is_some() {
+            return Ok(channels);
+        }
+        let message =
+            "has motor angles but neither /tip, /joint_encoders nor the controller's joint angles: there is nothing to compare them with.";
+        return Err(Error::file(&recording.path, message));
     }
     let tips = recording.tips(robot)?;
     let times: Vec<f64> = tips.iter().map(|tip| tip.time_s).collect();
@@ -90,8 +91,8 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
     Ok(channels)
 }
 
-fn bench_channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
-    let motor = recording.require_motor()?;
+fn bench_channels(recording: &Recording, robot: &Robot, signs: &[Signs]) -> Result<Channels> {
+    let (motor, transmission) = (recording.require_motor()?, robot.bench_transmission()?);
     let mut channels = Channels::default();
     let Some(encoders) = &recording.joint_encoders else {
         if motor.effort.is_some() {
@@ -100,18 +101,17 @@ fn bench_channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
         let message = "has neither /joint_encoders nor motor torque: on a bench there is no gap to see without either.";
         return Err(Error::file(&recording.path, message));
     };
-    for (j, joint) in robot.joints.iter().enumerate() {
-        let sign = Signs::of(robot, std::slice::from_ref(recording), j)?.joint;
+    for (j, (joint, signs)) in robot.joints.iter().zip(signs).enumerate() {
         let angles = by_joint(&motor.position, recording, "motor", joint, j)?;
         by_joint(&encoders.position, recording, "joint", joint, j)?;
-        let modelled: Vec<f64> = angles.iter().map(|angle| joint.hard_stop + angle / joint.ratio()).collect();
+        let modelled: Vec<f64> = angles.iter().map(|angle| transmission.joint_alone(j, *angle)).collect();
         let mut residuals = Residuals::default();
         for k in 1..modelled.len().saturating_sub(1) {
             let time_s = motor.time_s[k];
             let rate = (modelled[k + 1] - modelled[k - 1]) / (motor.time_s[k + 1] - motor.time_s[k - 1]);
             if let Some(measured) = encoders.interpolate(j, time_s) {
                 // Nothing in such a log says how noisy its encoder is.
-                residuals.push(time_s, [sign * measured - modelled[k]; 2], 0.0, rate);
+                residuals.push(time_s, [signs.joint * measured - modelled[k]; 2], 0.0, rate);
             }
         }
         channels.joints.push(residuals);

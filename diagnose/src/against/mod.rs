@@ -112,7 +112,7 @@ fn corrected(
     let mut put_right = real.clone();
     let signs = match robot.kinematics {
         KinematicsKind::Bench => {
-            (0..robot.joints.len()).map(|j| Signs::of(robot, std::slice::from_ref(real), j)).collect::<Result<Vec<_>>>()?
+            Signs::of(robot, std::slice::from_ref(real))?
         }
         KinematicsKind::Raven(_) => Vec::new(),
     };

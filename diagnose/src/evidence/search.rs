@@ -67,7 +67,7 @@ impl Fitter<'_> {
         let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
         each();
         self.add_and_shed(&mut outcome, &nominal, &mut each)?;
-        if self.found_again(&mut outcome, &nominal)? {
+        if self.found_again(&mut outcome, &nominal)? && !self.leaves_most(&outcome) {
             self.add_and_shed(&mut outcome, &nominal, each)?;
         }
         self.decide(&mut outcome)?;

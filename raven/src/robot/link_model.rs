@@ -297,11 +297,11 @@ fn fastest_pole(arm: &Arm, grip: &Grip, middle: &Vector3<f64>, inertia: &Vector3
     (0..3)
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
-            let damping = 2.0 * arm.cables[j].damping * radius2
-                + grip.damping[j]
-                + (1.0 - arm.link_friction[j].held_part) * arm.link_friction[j].coulomb / arm.stiction_speed(j);
-            // A cable that stiffens is stiffest under the largest load.
+            // A cable that stiffens is stiffest, and friction by the load steepest, under the largest load.
             let load_n = (gravity[j].abs() + inertia[j] * HARD_ACCELERATION) / arm.transmission.link_radius_m[j];
+            let friction = &arm.link_friction[j];
+            let at_rest = (1.0 - friction.held_part) * arm.dry_friction_n(j, load_n) / arm.stiction_speed(j);
+            let damping = 2.0 * arm.cables[j].damping * radius2 + grip.damping[j] + at_rest + friction.viscous;
             let stiffness = arm.joint_stiffness(j, load_n) + grip.stiffness[j];
             let (rate, square) = (damping / inertia[j], stiffness / inertia[j]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.

@@ -116,6 +116,31 @@ fn a_coarse_step_is_as_good_as_twenty_fine_ones() {
 }
 
 #[test]
+fn steps_are_short_enough_for_friction_that_grows_with_the_load() {
+    for per_load in [0.2, 0.4, 1.0] {
+        let mut robot = nominal();
+        for joint in &mut robot.joints {
+            joint.link_friction.as_mut().unwrap().per_load = per_load;
+        }
+        let model = LinkModel::new(robot.arm().unwrap());
+        let transmission = &model.arm().transmission;
+        // So slow that no joint gets out of the speeds at which friction at rest gives way.
+        let path = |t: f64| joint(45.0, 90.0, 0.35) + Vector3::new(0.001, 0.001, 0.0005) * t;
+        let start = LinkState::new(model.settled(&transmission.motor_from_joint(&path(0.0)), &Vector3::zeros()), Vector3::zeros());
+        let (mut coarse, mut fine) = (start, start);
+        for k in 0..250 {
+            let (now, next) = [k, k + 1].map(|k| transmission.motor_from_joint(&path(f64::from(k) * 2e-3))).into();
+            let rate = (next - now) / 2e-3;
+            coarse = model.advance(coarse, &now, &rate, 2e-3);
+            for i in 0..100 {
+                fine = model.step(&fine, &(now + rate * (f64::from(i) * 2e-5)), &rate, 2e-5);
+            }
+        }
+        assert_relative_eq!(coarse.position, fine.position, epsilon = 1e-6);
+    }
+}
+
+#[test]
 fn no_number_of_a_file_makes_a_step_take_for_ever() {
     let mut robot = nominal();
     for joint in &mut robot.joints {

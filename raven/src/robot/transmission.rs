@@ -55,6 +55,12 @@ impl Transmission {
         self.joint_from_travel * (self.travel_at_hard_stop + (motor - self.motor_at_hard_stop).component_div(&self.ratio))
     }
 
+    /// Position of joint `j` [rad or m] at its motor's angle [rad] where no joint moves another's cable, as on a bench.
+    #[must_use]
+    pub fn joint_alone(&self, j: usize, motor: f64) -> f64 {
+        self.travel_at_hard_stop[j] + (motor - self.motor_at_hard_stop[j]) / self.ratio[j]
+    }
+
     /// Motor angles [rad] of joint angles [rad, rad, m].
     #[must_use]
     pub fn motor_from_joint(&self, joint: &Vector3<f64>) -> Vector3<f64> {

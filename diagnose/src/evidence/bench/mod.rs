@@ -43,7 +43,7 @@ impl<'a> Bench<'a> {
     /// If the robot is no bench of one to three joints, or a recording has no motor side, fewer joints, or too few samples a second.
     pub fn new(robot: &'a Robot, recordings: &[Recording]) -> Result<Self> {
         robot.bench_transmission()?;
-        let signs: Vec<Signs> = (0..robot.joints.len()).map(|j| Signs::of(robot, recordings, j)).collect::<Result<_>>()?;
+        let signs = Signs::of(robot, recordings)?;
         let recorded: Vec<Recorded> = recordings.iter().map(|r| Recorded::new(robot, r, &signs)).collect::<Result<_>>()?;
         for (recording, recorded) in recordings.iter().zip(&recorded) {
             if recorded.driven.is_empty() {

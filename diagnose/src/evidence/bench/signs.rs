@@ -25,11 +25,15 @@ pub struct Signs {
 }
 
 impl Signs {
-    /// Of joint `j` by all recordings.
+    /// Of every joint by all recordings.
     ///
     /// # Errors
     /// If a recording has no motor side, or fewer joints than the robot.
-    pub fn of(robot: &Robot, recordings: &[Recording], j: usize) -> Result<Self> {
+    pub fn of(robot: &Robot, recordings: &[Recording]) -> Result<Vec<Self>> {
+        (0..robot.joints.len()).map(|j| Self::of_joint(robot, recordings, j)).collect()
+    }
+
+    fn of_joint(robot: &Robot, recordings: &[Recording], j: usize) -> Result<Self> {
         let joint = &robot.joints[j];
         let (mut turned, mut work, mut torques) = (Spread::default(), 0.0, Spread::default());
         for recording in recordings {

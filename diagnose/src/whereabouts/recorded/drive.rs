@@ -90,7 +90,7 @@ pub(super) fn motion_tracks(motions: &mut [Channel], drives: &dyn Drives, shafts
 
 /// Torque or force and motion of a bench's drives, where torque was recorded.
 pub(super) fn bench_drives(robot: &Robot, recordings: &[Recording], torques: &mut [Channel], motions: &mut [Channel]) -> Result<()> {
-    let bench = Bench::new(robot, recordings)?;
+    let (bench, transmission) = (Bench::new(robot, recordings)?, robot.bench_transmission()?);
     let model = bench.model(&[])?;
     let model = BenchModel::new(&model, bench.creep())?;
     let factors = |j: usize, shafts: &[Shaft]| match robot.joints.get(j) {
@@ -98,7 +98,7 @@ pub(super) fn bench_drives(robot: &Robot, recordings: &[Recording], torques: &mu
             let time_s: Vec<f64> = shafts.iter().map(|s| s.time_s).collect();
             let rate: Vec<f64> = shafts.iter().map(|s| s.rate[j] / joint.ratio()).collect();
             let angles: Vec<f64> = shafts.iter().map(|s| s.angle[j]).collect();
-            bench_factors(joint, &time_s, &rate, &angles)
+            bench_factors(joint, j, &transmission, &time_s, &rate, &angles)
         }
         None => Vec::new(),
     };

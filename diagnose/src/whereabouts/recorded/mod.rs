@@ -13,7 +13,7 @@ use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Measure, Model, Shaft, Stage, TipModel, TorqueModel};
 use raven::log::Recording;
-use raven::robot::{Arm, Joint, MotorTrack, Robot};
+use raven::robot::{Arm, Joint, MotorTrack, Robot, Transmission};
 use raven::stats::median;
 
 use super::{Channel, HORIZONS_S, Kind, Track};
@@ -69,7 +69,7 @@ pub fn recorded(
         for (j, (channel, residuals)) in joints.iter_mut().zip(&residuals.joints).enumerate() {
             channel.tracks.push(match &arm {
                 Some(arm) => joint_track(arm, &robot.joints[j], j, &recording.motor_track()?, residuals, &ninths),
-                None => bench_track(recording, &robot.joints[j], j, &averaged(residuals))?,
+                None => bench_track(recording, &robot.joints[j], j, &robot.bench_transmission()?, &averaged(residuals))?,
             });
         }
         if let Some(arm) = &arm {
@@ -136,20 +136,27 @@ fn joint_track(arm: &Arm, joint: &Joint, j: usize, motor: &MotorTrack, residuals
     Track { time_s: residuals.time_s.clone(), error: residuals.error.clone(), noise: residuals.noise.clone(), factors }
 }
 
-fn bench_track(recording: &Recording, joint: &Joint, j: usize, residuals: &Residuals) -> Result<Track> {
+fn bench_track(recording: &Recording, joint: &Joint, j: usize, transmission: &Transmission, residuals: &Residuals) -> Result<Track> {
     let motor = recording.require_motor()?;
     let angles: Vec<f64> = residuals.time_s.iter().map(|&t| motor.interpolate(j, t).unwrap_or(f64::NAN)).collect();
-    let factors = bench_factors(joint, &residuals.time_s, &residuals.rate, &angles);
+    let factors = bench_factors(joint, j, transmission, &residuals.time_s, &residuals.rate, &angles);
     Ok(Track { time_s: residuals.time_s.clone(), error: residuals.error.clone(), noise: residuals.noise.clone(), factors })
 }
 
 /// What a bench's joint may depend on, from its motor's angles.
-fn bench_factors(joint: &Joint, time_s: &[f64], rate: &[f64], angles: &[f64]) -> Vec<(Kind, Vec<f64>)> {
+fn bench_factors(
+    joint: &Joint,
+    j: usize,
+    transmission: &Transmission,
+    time_s: &[f64],
+    rate: &[f64],
+    angles: &[f64],
+) -> Vec<(Kind, Vec<f64>)> {
     let (_, scale) = joint.display_unit();
     vec![
         (Kind::Phase, phase_factor(time_s, rate)),
         (Kind::Speed, rate.iter().map(|r| r.abs() * scale).collect()),
-        (Kind::Position, angles.iter().map(|a| (joint.hard_stop + a / joint.ratio()) * scale).collect()),
+        (Kind::Position, angles.iter().map(|&a| transmission.joint_alone(j, a) * scale).collect()),
         (Kind::Capstan, angles.iter().map(|&a| turn(a, joint)).collect()),
     ]
 }

@@ -121,3 +121,16 @@ fn what_a_bench_cannot_show_is_listed_with_a_reason() {
     assert_eq!(because("cable-damping"), Some("the nominal transmission is rigid"));
     assert_eq!(because("cable-stretch"), None);
 }
+
+#[test]
+fn a_joint_counts_from_its_hard_stop_wherever_the_motor_was_set_to_there() {
+    let mut robot = slide(5.0, CABLE);
+    for (hard_stop, motor) in [(0.1, None), (0.1, Some(0.02))] {
+        (robot.joints[0].hard_stop, robot.joints[0].motor_at_hard_stop) = (hard_stop, motor);
+        let recording = recorded(&robot, &[]);
+        let channels = crate::residual::channels(&[recording], &robot).unwrap();
+        // The cable stretches by some millimetres at most.
+        let largest_m = channels[0].joints[0].error.iter().fold(0.0, |largest: f64, error| largest.max(error.abs()));
+        assert!(largest_m < 0.01, "{motor:?}: {largest_m}");
+    }
+}
