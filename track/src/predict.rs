@@ -11,7 +11,6 @@ use raven::{Error, Result};
 #[derive(Debug)]
 pub struct Predictor<'r> {
     motor: &'r JointSeries,
-    joints: [usize; 3],
     start: Stamp,
     latency_s: f64,
     arm: Arm,
@@ -25,21 +24,18 @@ impl<'r> Predictor<'r> {
     pub fn new(recording: &'r Recording, robot: &Robot, latency_s: f64) -> Result<Self> {
         let arm = robot.arm()?;
         let motor = recording.require_motor()?;
-        let mut joints = [0; 3];
-        for (index, joint) in joints.iter_mut().zip(&robot.joints) {
-            *index = motor.names.iter().position(|name| *name == joint.name).ok_or_else(|| {
-                let there = motor.names.join(", ");
-                Error::file(&recording.path, format!("the log has no motor `{}` on `{}`; it has {there}.", joint.name, robot.source.topic))
-            })?;
+        if motor.position.len() < 3 {
+            let message = format!("the log has {} motors on `{}`, expected three.", motor.position.len(), robot.source.topic);
+            return Err(Error::file(&recording.path, message));
         }
-        Ok(Self { motor, joints, start: recording.start, latency_s, arm })
+        Ok(Self { motor, start: recording.start, latency_s, arm })
     }
 
     /// Tip [m, frame 0] at the exposure of a frame; `None` where the log has no motor angles.
     #[must_use]
     pub fn tip(&self, frame: Stamp) -> Option<Vector3<f64>> {
         let time_s = frame.seconds_since(self.start) - self.latency_s;
-        let [a, b, c] = self.joints.map(|joint| self.motor.interpolate(joint, time_s));
+        let [a, b, c] = [0, 1, 2].map(|joint| self.motor.interpolate(joint, time_s));
         let motor = Vector3::new(a?, b?, c?);
         Some(self.arm.kinematics.forward(&self.arm.transmission.joint_from_motor(&motor)))
     }

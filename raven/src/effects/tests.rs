@@ -1,7 +1,7 @@
 use nalgebra::{Matrix2, Matrix3, Point3, Vector3};
 
 use super::*;
-use crate::robot::{MotorTrack, nominal};
+use crate::robot::{Hysteresis, MotorTrack, nominal};
 use crate::simulation::{Options, Session};
 
 #[test]
@@ -43,6 +43,23 @@ fn no_effect_is_no_change() {
 }
 
 /// Between the images the tip speeds up and slows down.
+#[test]
+fn a_loop_that_hardly_adds_to_the_files_leaves_its_shape() {
+    let mut robot = nominal::gold();
+    let own = Hysteresis { half_loop: 0.96e-3, length: 0.8e-3, straight_part: 0.2, lag_at_start: -0.4 };
+    robot.joints[2].hysteresis = own;
+    let sited = Sited::at(&robot, "hysteresis", Some("insertion")).unwrap();
+    let with = |u: [f64; 4]| Model::new(&robot, None).unwrap().with(&sited, &u).robot.joints[2].hysteresis;
+    let [little, much] = [with([1e-6, 0.0, 0.0, 1.0]), with([1e3, 0.0, 0.0, 1.0])];
+    approx::assert_relative_eq!(little.half_loop, own.half_loop, max_relative = 1e-5);
+    approx::assert_relative_eq!(little.length, own.length, max_relative = 1e-5);
+    approx::assert_relative_eq!(little.straight_part, own.straight_part, max_relative = 1e-5);
+    approx::assert_relative_eq!(little.lag_at_start, own.lag_at_start, max_relative = 1e-5);
+    // Its own shape where it is nearly all there is.
+    approx::assert_relative_eq!(much.length, 1.5 * much.half_loop, max_relative = 0.01);
+    assert_eq!(Model::new(&robot, None).unwrap().with(&sited, &[0.0; 4]).robot.joints[2].hysteresis, own);
+}
+
 #[test]
 fn a_late_image_shows_the_tip_where_it_was() {
     const LATE_S: f64 = 0.03;

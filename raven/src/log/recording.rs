@@ -22,11 +22,13 @@ pub struct MotorSource {
     pub format: SourceFormat,
     /// Arm whose joints are read from the robot's own message.
     pub arm: ArmSide,
+    /// Names by which joint states are put in order, the robot file's; those of a log that has none of them stay as they are.
+    pub joints: Vec<String>,
 }
 
 impl Default for MotorSource {
     fn default() -> Self {
-        Self { topic: topics::RAVEN_STATE.to_owned(), format: SourceFormat::RavenState, arm: ArmSide::Gold }
+        Self { topic: topics::RAVEN_STATE.to_owned(), format: SourceFormat::RavenState, arm: ArmSide::Gold, joints: Vec::new() }
     }
 }
 
@@ -36,7 +38,8 @@ impl From<&Robot> for MotorSource {
             KinematicsKind::Raven(kinematics) => kinematics.arm,
             KinematicsKind::Bench => ArmSide::Gold,
         };
-        Self { topic: robot.source.topic.clone(), format: robot.source.format, arm }
+        let joints = robot.joints.iter().map(|joint| joint.name.clone()).collect();
+        Self { topic: robot.source.topic.clone(), format: robot.source.format, arm, joints }
     }
 }
 
@@ -51,14 +54,14 @@ pub struct Recording {
     pub duration_s: f64,
     /// Metadata record `session`: robot, arm, motion, operator and more.
     pub session: BTreeMap<String, String>,
-    /// Motor shaft angles (rad), efforts after the gear box at the capstan (N m). From `raven_state`: the first three joints of the arm, torques
-    /// as the converters clipped them.
+    /// Motor shaft angles (rad), efforts after the gear box at the capstan (N m), joints in the order of the source's names. From `raven_state`: the
+    /// first three joints of the arm, torques as the converters clipped them.
     pub motor: Option<JointSeries>,
     /// Joint angles as the robot's controller has them (rad, rad, m), from `raven_state`.
     pub controller_joints: Option<JointSeries>,
     /// Raw encoder counts `[joint][sample]` at the samples of `motor`, from `raven_state`; the arm's sign is not applied.
     pub encoder_counts: Option<Vec<Vec<i32>>>,
-    /// Reference encoders at the joints (rad or m), with the load there as effort.
+    /// Reference encoders at the joints (rad or m), in the same order, with the load there as effort.
     pub joint_encoders: Option<JointSeries>,
     /// Tip observations in the order of time. One without finite numbers counts as occluded.
     pub tip: Vec<TipObservation>,
@@ -294,7 +297,8 @@ impl<'s> Reader<'s> {
                 problems.insert(topic.to_owned(), format!("none of its {bad} messages holds a finite position"));
             }
             quality.insert(topic.to_owned(), of_topic);
-            (!series.is_empty()).then_some((series, order))
+            let ordered = series.ordered_by(&self.source.joints).map_err(|problem| problems.insert(topic.to_owned(), problem)).ok()?;
+            (!ordered.is_empty()).then_some((ordered, order))
         };
         let mut motor = finish(self.motor, &self.source.topic);
         if let Some(torques) = motor.as_mut().and_then(|(series, _)| series.effort.as_mut()) {

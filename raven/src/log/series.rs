@@ -31,6 +31,31 @@ impl JointSeries {
         Self { names, time_s, position, effort, joined_s }
     }
 
+    /// The same with the joints of these names first, in their order, and what there is besides after them. A series that has none of the names
+    /// stays as it is: its joints are told by their places.
+    ///
+    /// # Errors
+    /// Half a sentence if it has some of the names and not all.
+    pub(super) fn ordered_by(mut self, names: &[String]) -> Result<Self, String> {
+        let place = |name: &String| self.names.iter().position(|own| own == name);
+        let (found, missing): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| place(name).is_some());
+        if found.is_empty() {
+            return Ok(self);
+        }
+        if let Some(missing) = missing.first() {
+            let there = self.names.join(", ");
+            return Err(format!("its joints are {there}, and not `{missing}`, which the robot file has; give both the same names"));
+        }
+        let first: Vec<usize> = names.iter().filter_map(place).collect();
+        let others = (0..self.names.len()).filter(|j| !first.contains(j));
+        let order: Vec<usize> = first.iter().copied().chain(others).collect();
+        let ordered = |joints: &[Vec<f64>]| order.iter().filter_map(|&j| joints.get(j).cloned()).collect::<Vec<_>>();
+        self.names = order.iter().map(|&j| self.names[j].clone()).collect();
+        self.position = ordered(&self.position);
+        self.effort = self.effort.map(|effort| ordered(&effort));
+        Ok(self)
+    }
+
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -24,11 +24,15 @@ pub const EFFECT: Effect = Effect {
         // On a bench, whose joints are not rolled out, a sharp play is what friction makes of a cable's stretch.
         let straightness = if matches!(model.robot.kinematics, KinematicsKind::Bench) { 0.0 } else { values[2] };
         let hysteresis = &mut model.robot.joints[place.first].hysteresis;
+        let (own, half_loop) = (*hysteresis, hysteresis.half_loop + values[0]);
+        // Beside a loop that the file has, each shapes their sum by its part of it.
+        let part = if half_loop > 0.0 { values[0] / half_loop } else { 0.0 };
+        let shaped = |of_file: f64, added: f64| of_file + part * (added - of_file);
         *hysteresis = Hysteresis {
-            half_loop: hysteresis.half_loop + values[0],
-            length: values[1] * values[0],
-            straight_part: straightness / (1.0 + straightness),
-            lag_at_start: values[3].clamp(-1.0, 1.0),
+            half_loop,
+            length: shaped(own.length, values[1] * values[0]),
+            straight_part: shaped(own.straight_part, straightness / (1.0 + straightness)),
+            lag_at_start: shaped(own.lag_at_start, values[3].clamp(-1.0, 1.0)),
         };
     },
 };
