@@ -79,14 +79,19 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
     let board = Board { size: args.board, square_m: args.square };
     let (left, right) = (glob::files(&args.left)?, glob::files(&args.right)?);
+    // Where the folder is yet to be made, nothing else can be in it.
+    let ros = args.export_ros.as_deref().filter(|folder| folder.is_dir()).map(export::ros_files);
+    let [ros_left, ros_right] = [0, 1].map(|camera| ros.as_ref().map(|files| files[camera].as_path()));
     let outputs = [
-        ("-o", &args.output),
-        ("--json", &args.json),
-        ("--html", &args.html),
-        ("--export-kalibr", &args.export_kalibr),
-        ("--export-opencv", &args.export_opencv),
+        ("-o", args.output.as_deref()),
+        ("--json", args.json.as_deref()),
+        ("--html", args.html.as_deref()),
+        ("--export-ros", ros_left),
+        ("--export-ros", ros_right),
+        ("--export-kalibr", args.export_kalibr.as_deref()),
+        ("--export-opencv", args.export_opencv.as_deref()),
     ];
-    files::apart(left.iter().chain(&right).chain(&args.log), &outputs.map(|(option, path)| (option, path.as_deref())))?;
+    files::apart(left.iter().chain(&right).chain(&args.log), &outputs)?;
     let mut pictures = match &args.log {
         Some(log) => pictures::from_log(log, args.board)?,
         None => pictures::from_files(&left, &right, args.board)?,
@@ -111,6 +116,7 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     let found = Instant::now();
     let options = Options { k3: args.k3, bow: args.bow };
     let (calibration, offset) = calibrate(&mut pictures, &board, options)?;
+    verdict::require_apart(&calibration.rig, &board)?;
     let solve = found.elapsed().as_secs_f64();
     let cameras = cameras(&calibration, &board, offset);
     if let Some(output) = &args.output {

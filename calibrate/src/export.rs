@@ -8,7 +8,7 @@
 //! ```
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Rotation3, Vector2, Vector3};
 use raven::camera::{Cameras, Pinhole};
@@ -74,6 +74,12 @@ fn rectified(cameras: &Cameras) -> Result<Rectification> {
     Rectification::of(cameras).ok_or_else(|| Error::Data(message.to_owned()))
 }
 
+/// The files that [`ros`] writes into a folder, left and right.
+#[must_use]
+pub fn ros_files(folder: &Path) -> [PathBuf; 2] {
+    ["left.yaml", "right.yaml"].map(|name| folder.join(name))
+}
+
 /// Writes `left.yaml` and `right.yaml` as ROS's `camera_info_manager` loads them; the folder is made where it is missing.
 ///
 /// # Errors
@@ -81,9 +87,10 @@ fn rectified(cameras: &Cameras) -> Result<Rectification> {
 pub fn ros(cameras: &Cameras, folder: &Path) -> Result<()> {
     let rectification = rectified(cameras)?;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+    let files = ros_files(folder);
     for (i, (name, camera)) in [("left", &cameras.left), ("right", &cameras.right)].into_iter().enumerate() {
         let text = camera_info(name, camera, &rectification.rotations[i], &rectification.projections[i]);
-        write_atomic(&folder.join(format!("{name}.yaml")), text.as_bytes())?;
+        write_atomic(&files[i], text.as_bytes())?;
     }
     Ok(())
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use raven::camera::Cameras;
 use raven::cli;
-use raven::log::{MotorSource, Recording};
+use raven::log::{MotorSource, RAVEN_STATE_TYPE, Recording, Side, Survey, topics};
 use raven::robot::{Arm, Robot};
 use raven::{Error, Result};
 use raven_track::batches;
@@ -48,19 +48,25 @@ pub struct AtHardStop {
 /// Registers cameras that are mounted with `rotation` (`x_0 = R x_left + t`) from a recording at the hard stop.
 ///
 /// # Errors
-/// If the robot is not at its hard stop in the recording, or the marker is not the only thing of its kind in view.
+/// If a camera is missing, motors are recorded but cannot be read, the robot is not at its hard stop in the recording, or the marker is not
+/// the only thing of its kind in view.
 pub fn register(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker, rotation: &Rotation3<f64>) -> Result<AtHardStop> {
     let arm = robot.arm()?;
     let recording = Recording::read(log, &MotorSource::from(robot))?;
+    require_recorded_motors(&recording, robot)?;
     let stop = HardStop::new(&arm, &recording);
-    let mut gathered = Gathered::default();
+    let (mut gathered, mut usable) = (Gathered::default(), [0_usize; 2]);
     let counts = batches::for_each(log, cameras, f64::INFINITY, |frames| {
+        for (usable, frame) in usable.iter_mut().zip(frames) {
+            *usable += usize::from(frame.is_some());
+        }
         if let [Some(left), Some(right)] = frames
             && stop.holds_at(left.stamp.seconds_since(recording.start))
         {
             gathered.add(cameras, marker, [&left.image, &right.image]);
         }
     })?;
+    require_both_cameras(&recording, usable)?;
     stop.check(log, gathered.frames())?;
     let place = the_only(log, &gathered.places(), || {
         format!(
@@ -80,6 +86,37 @@ pub fn register(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker, r
         frames: gathered.frames(),
         lost: counts.lost(),
     })
+}
+
+/// Refuses a log whose motors cannot be read, or are where the robot file does not look: what they say of the hard stop is not passed over.
+fn require_recorded_motors(recording: &Recording, robot: &Robot) -> Result<()> {
+    let named = recording.topics.get(&robot.source.topic).is_some_and(|&messages| messages > 0);
+    if named || has_motors(&Survey::of(&recording.path)?) {
+        recording.motor_track()?;
+    }
+    Ok(())
+}
+
+/// Whether a log has motors of any kind.
+fn has_motors(survey: &Survey) -> bool {
+    let of_robot = survey.topics.iter().any(|topic| topic.schema == RAVEN_STATE_TYPE && topic.quality.messages > 0);
+    of_robot || survey.motor_source().is_some()
+}
+
+/// Refuses a log with a camera of which no frame can be used; `usable` counts the others, left and right.
+fn require_both_cameras(recording: &Recording, usable: [usize; 2]) -> Result<()> {
+    let Some(side) = Side::BOTH.into_iter().find(|&side| usable[side as usize] == 0) else { return Ok(()) };
+    let count = |topic: &str| recording.topics.get(topic).copied().unwrap_or(0);
+    let (name, topic) = (side.name(), [topics::compressed(side), topics::raw(side)].into_iter().find(|topic| count(topic) > 0));
+    let message = match topic {
+        Some(topic) => format!(
+            "none of the {} images of the {name} camera on `{topic}` is whole, can be decoded and has the size that was calibrated; both \
+             cameras are needed.",
+            count(topic)
+        ),
+        None => format!("the log has no images of the {name} camera on `{}`; both cameras are needed.", topics::compressed(side)),
+    };
+    Err(Error::file(&recording.path, message))
 }
 
 /// What the motors say about the hard stop.
@@ -107,22 +144,28 @@ impl<'a> HardStop<'a> {
         self.recording.motor.is_none() || self.distance_m(time_s).is_some_and(|d| d < AT_HARD_STOP_M)
     }
 
-    /// Refuses a recording that is never at the hard stop, and warns of one that moves or has no motors.
+    /// Refuses a recording without a pair of frames at the hard stop, and warns of one that moves or has no motors.
     fn check(&self, log: &Path, frames: usize) -> Result<()> {
-        let Some(motor) = &self.recording.motor else {
-            cli::warn("the log has no motor positions: that the robot stood at its hard stop is taken for granted.");
-            return if frames > 0 { Ok(()) } else { Err(Error::file(log, "no left and right frame lie within one period.")) };
-        };
-        let distances: Vec<f64> = motor.time_s.iter().filter_map(|&t| self.distance_m(t)).collect();
+        let times = self.recording.motor.iter().flat_map(|motor| &motor.time_s);
+        let distances: Vec<f64> = times.filter_map(|&t| self.distance_m(t)).collect();
         let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
         let farthest = distances.iter().copied().fold(0.0, f64::max);
         if frames == 0 {
-            let nearest_mm = 1e3 * nearest;
-            let sentence = format!(
-                "the robot is never at its hard stop in this recording: its motors put the tip {nearest_mm:.1} mm away at the nearest. Record \
-                 at the hard stop after homing, or check joints.*.hard_stop in the robot file."
-            );
+            let sentence = if (AT_HARD_STOP_M..f64::INFINITY).contains(&nearest) {
+                let nearest_mm = 1e3 * nearest;
+                format!(
+                    "the robot is never at its hard stop in this recording: its motors put the tip {nearest_mm:.1} mm away at the nearest. Record \
+                     at the hard stop after homing, or check joints.*.hard_stop in the robot file."
+                )
+            } else {
+                "no left and right image were taken together while the robot was at its hard stop; record both cameras for a second or more \
+                 while it rests there."
+                    .to_owned()
+            };
             return Err(Error::file(log, sentence));
+        }
+        if self.recording.motor.is_none() {
+            cli::warn("the log has no motor positions: that the robot stood at its hard stop is taken for granted.");
         }
         let at_stop = distances.iter().copied().filter(|&d| d < AT_HARD_STOP_M).fold(0.0, f64::max);
         if at_stop - nearest > AT_REST_M {

@@ -1,6 +1,7 @@
 //! What a calibration is worth, in sentences.
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use raven::{Error, Result};
 
 use crate::board::Board;
 use crate::calibration::{Calibration, Shot};
@@ -24,6 +25,9 @@ pub const SYNCHRONISED_BELOW: f64 = 1.3;
 /// to the left of the other.
 const PARALLEL_RAD: f64 = 0.8;
 const SIDEWAYS: f64 = 0.7;
+/// Cameras nearer to each other than this part of the boards' distance, 0.8 mm at 0.4 m, stand at one place: their housings alone keep two
+/// farther apart.
+const AT_ONE_PLACE: f64 = 0.002;
 /// The image is divided into so many columns and rows to see where corners were.
 const CELLS: (usize, usize) = (8, 6);
 /// Below this part of the image the distortion at its edges is extrapolated.
@@ -48,6 +52,22 @@ pub fn synchronisation(calibration: &Calibration) -> f64 {
     let alone = calibration.mono.iter().map(|m| m.rms_px * m.rms_px).sum::<f64>() / 2.0;
     // Exact corners leave rounding, whose ratio says nothing.
     (calibration.rms_px.powi(2) + 1e-12).sqrt() / (alone + 1e-12).sqrt()
+}
+
+/// Refuses cameras that stand at one place, as where the pictures of one are given for both.
+///
+/// # Errors
+/// If next to no distance is between them.
+pub fn require_apart(rig: &Rig, board: &Board) -> Result<()> {
+    let (baseline_m, distance_m) = (rig.right_from_left.translation.vector.norm(), mean_distance_m(rig, board));
+    if baseline_m >= AT_ONE_PLACE * distance_m {
+        return Ok(());
+    }
+    Err(Error::Data(format!(
+        "both cameras stand at one place, {:.3} mm apart with the boards {distance_m:.3} m away; are the pictures of both sides the same? Give \
+         each side those of its own camera.",
+        1e3 * baseline_m
+    )))
 }
 
 /// All sentences about a calibration.

@@ -141,6 +141,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         let tracked = recordings.iter().map(|recording| (&recording.path, Cameras::of_tracked(recording)));
         cameras.warn_if_others_tracked(cameras_path, tracked)?;
     }
+    recordings.iter().for_each(|recording| Cameras::warn_if_latency_counts_twice(&robot, recording));
     let mut report = Report::new(&robot, &args.logs, &residuals);
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
     let mut lenses = cameras.as_ref();

@@ -44,6 +44,21 @@ impl Finding {
     }
 }
 
+/// What stands between a method and what is to be said of its result.
+const REMARK: &str = "; ";
+
+/// How numbers were found, as the robot file says it: the method, and what is to be said of its result.
+#[must_use]
+pub fn remarked(method: &str, remark: Option<String>) -> String {
+    remark.map_or_else(|| method.to_owned(), |remark| format!("{method}{REMARK}{remark}"))
+}
+
+/// What a `method` of the robot file says of the result.
+#[must_use]
+pub fn remark(method: &str) -> Option<&str> {
+    method.split_once(REMARK).map(|(_, remark)| remark)
+}
+
 /// The robot file with the findings in it, and friction the other way round where that was found.
 ///
 /// The logs were recorded while the controller set the encoders by the numbers of the file before. Where new numbers would make another
@@ -96,6 +111,12 @@ mod tests {
     use super::*;
     use crate::parameters::Selection;
     use crate::priors;
+
+    #[test]
+    fn a_remark_on_a_method_is_read_back() {
+        assert_eq!(remark(&remarked("batch", Some("it fits; badly.".to_owned()))), Some("it fits; badly."));
+        assert_eq!(remark(&remarked("batch", None)), None);
+    }
 
     #[test]
     fn what_the_logs_do_not_tell_stays_as_it_was() {

@@ -94,7 +94,8 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     report.identifiability = Some(identifiability);
 
     if let Some(path) = &args.output {
-        let new = identified::identified(&robot, &findings, problem.turned(), args.method.name(), &recordings.sessions)?;
+        let method = identified::remarked(args.method.name(), report.misfit());
+        let new = identified::identified(&robot, &findings, problem.turned(), &method, &recordings.sessions)?;
         write(path, &new.to_yaml(), out)?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {

@@ -243,8 +243,10 @@ impl Selection {
     /// # Errors
     /// If a name is unknown; the message lists those there are.
     pub fn named(names: &[String]) -> Result<Self> {
-        for name in names {
-            if name != "all" && !ALL.iter().any(|q| q.name() == *name || q.group() == name) {
+        // A space after the comma is none of the name.
+        let names: Vec<&str> = names.iter().map(|name| name.trim()).collect();
+        for name in &names {
+            if *name != "all" && !ALL.iter().any(|q| q.name() == *name || q.group() == *name) {
                 let known: Vec<String> = ALL.iter().map(|q| q.name()).collect();
                 return Err(Error::Argument(format!(
                     "--parameters has `{name}`; known are {}, the groups r_l, offset, coupling, k_e, b_e, F_c, hysteresis, registration, and all.",
@@ -252,7 +254,7 @@ impl Selection {
                 )));
             }
         }
-        let wanted = |q: &Quantity| names.iter().any(|name| name == "all" || *name == q.name() || name == q.group());
+        let wanted = |q: &Quantity| names.iter().any(|name| *name == "all" || *name == q.name() || *name == q.group());
         Ok(Self { quantities: ALL.into_iter().filter(wanted).collect(), named: true })
     }
 }
@@ -278,6 +280,7 @@ mod tests {
             Selection::named(&list).map(|s| s.quantities.iter().map(|q| q.name()).collect::<Vec<_>>().join(" "))
         };
         assert_eq!(names(&["k_e2", "r_l"]).unwrap(), "r_l1 r_l2 r_l3 k_e2");
+        assert_eq!(names(&["r_l1", " latency"]).unwrap(), "r_l1 latency");
         assert_eq!(names(&["registration", "coupling_12"]).unwrap().split(' ').count(), 7);
         assert_eq!(names(&["all"]).unwrap().split(' ').count(), ALL.len());
         let error = names(&["r_l4"]).unwrap_err().to_string();

@@ -184,13 +184,19 @@ impl Report {
             };
             warnings.push(format!("{name} is {off:.1} prior deviations from what the files say of it; {advice}."));
         }
-        if self.nis_mean > NIS_HIGH {
-            warnings.push(format!(
+        warnings.extend(self.misfit());
+        warnings
+    }
+
+    /// That the residuals are more than noise, if they are.
+    #[must_use]
+    pub fn misfit(&self) -> Option<String> {
+        (self.nis_mean > NIS_HIGH).then(|| {
+            format!(
                 "the residuals are {:.1} times what the tip's covariance says: the model lacks something that `raven-diagnose` may name.",
                 (self.nis_mean / 3.0).sqrt()
-            ));
-        }
-        warnings
+            )
+        })
     }
 }
 

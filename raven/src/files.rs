@@ -101,10 +101,10 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
         return Err(Error::file(path, "this is a folder or a device; name a file to write."));
     }
     let replaced = replaced(path);
-    let folder = match replaced.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(&replaced);
+    if !folder.is_dir() {
+        return Err(Error::file(path, format!("the folder {} does not exist; make it first.", folder.display())));
+    }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".raven-").suffix(".part");
     #[cfg(unix)]
@@ -146,10 +146,11 @@ pub fn unused(recording: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses to write over what is read, and one output over another; outputs come with the options that name them.
+/// Refuses to write over what is read, one output over another, and into folders that are not there, before any work is done; outputs come with
+/// the options that name them.
 ///
 /// # Errors
-/// If an output is one of the inputs or of the other outputs.
+/// If an output is one of the inputs or of the other outputs, or its folder does not exist.
 pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&str, Option<&Path>)]) -> Result<()> {
     let there: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
     let mut taken: Vec<(PathBuf, &str)> = Vec::new();
@@ -170,15 +171,26 @@ pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&s
                 output.display()
             )));
         }
+        let folder = folder_of(output);
+        if !folder.is_dir() {
+            return Err(Error::Argument(format!(
+                "{option} {}: the folder {} does not exist; make it first.",
+                output.display(),
+                folder.display()
+            )));
+        }
         taken.push((place, option));
     }
     Ok(())
 }
 
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Where a file is, or will be, by whatever name.
 fn place(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let beside = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
+    let beside = || Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?));
     path.canonicalize().ok().or_else(beside).unwrap_or_else(|| path.to_path_buf())
 }
 
@@ -256,6 +268,7 @@ mod tests {
         let onto = |output: Option<&Path>| apart([&robot, &log], &[("-o", None), ("--json", output)]);
         assert!(onto(Some(&again)).unwrap_err().to_string().contains("give --json another name"));
         onto(None).and_then(|()| onto(Some(&robot))).unwrap();
+        assert!(onto(Some(&folder.path().join("new/a.json"))).unwrap_err().to_string().contains("new does not exist; make it first"));
         let both = apart([&log], &[("--json", Some(&robot)), ("--html", Some(&folder.path().join("./robot.yaml")))]);
         assert!(both.unwrap_err().to_string().contains("--json and --html both name"));
         apart([&log], &[("--json", Some(Path::new("/dev/null"))), ("--html", Some(Path::new("/dev/null")))]).unwrap();

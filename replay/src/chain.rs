@@ -5,7 +5,21 @@ use std::path::Path;
 
 use clap::Parser;
 use raven::cli::Outcome;
-use raven::{Error, Result};
+use raven::robot::nominal;
+use raven::{Error, Result, files};
+
+/// What every run leaves in its folder.
+const TRUTH: &str = "truth.json";
+
+/// The words of a command as they are typed; `{name}` is the file `name` in a folder.
+#[must_use]
+pub fn typed(folder: &Path, name: &str, arguments: &str) -> Vec<String> {
+    let expand = |word: &str| match word.strip_prefix('{').and_then(|w| w.strip_suffix('}')) {
+        Some(file) => folder.join(file).display().to_string(),
+        None => word.to_owned(),
+    };
+    [name.to_owned()].into_iter().chain(arguments.split_whitespace().map(expand)).collect()
+}
 
 /// One program of the chain, with its arguments as they would be typed.
 pub type Program = fn(&[String], &mut dyn Write) -> Result<Outcome>;
@@ -19,9 +33,20 @@ pub struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    /// A chain that works in `folder` and prints to `out`.
-    pub fn new(folder: &'a Path, out: &'a mut dyn Write) -> Self {
-        Self { folder, out, transcript: String::new() }
+    /// A chain that works in `folder`, which then holds the nominal `robot.yaml`, and prints to `out`.
+    ///
+    /// # Errors
+    /// If the folder cannot be written to, or holds files of others: those of a recording day have the same names.
+    pub fn begin(folder: &'a Path, out: &'a mut dyn Write) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+        let mut there = std::fs::read_dir(folder).map_err(|e| Error::io(folder, "read", e))?;
+        if there.next().is_some() && !folder.join(TRUTH).exists() {
+            let message =
+                format!("the folder holds files and no {TRUTH} of an earlier run: they might be written over; name a new folder.");
+            return Err(Error::file(folder, message));
+        }
+        files::write_atomic(&folder.join("robot.yaml"), nominal::GOLD_YAML.as_bytes())?;
+        Ok(Self { folder, out, transcript: String::new() })
     }
 
     /// Runs a program; `{name}` in its arguments is the file `name` in the chain's folder.
@@ -29,22 +54,12 @@ impl<'a> Chain<'a> {
     /// # Errors
     /// If the program fails or its output cannot be written.
     pub fn step(&mut self, name: &str, program: Program, arguments: &str) -> Result<()> {
-        let typed = self.typed(name, arguments);
+        let typed = typed(self.folder, name, arguments);
         let shown: Vec<String> = typed.iter().map(|w| if w.contains(' ') { format!("'{w}'") } else { w.clone() }).collect();
         self.say(&format!("$ {}", shown.join(" ")))?;
         let mut printed = Vec::new();
         program(&typed, &mut printed)?;
         self.say(&String::from_utf8_lossy(&printed))
-    }
-
-    /// The words of a command as they are typed.
-    #[must_use]
-    pub fn typed(&self, name: &str, arguments: &str) -> Vec<String> {
-        let expand = |word: &str| match word.strip_prefix('{').and_then(|w| w.strip_suffix('}')) {
-            Some(file) => self.folder.join(file).display().to_string(),
-            None => word.to_owned(),
-        };
-        [name.to_owned()].into_iter().chain(arguments.split_whitespace().map(expand)).collect()
     }
 
     /// Prints a line and keeps it.

@@ -125,6 +125,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
             cameras.warn_if_others_tracked(cameras_path, [(path, Cameras::of_tracked(&recording))])?;
         }
+        Cameras::warn_if_latency_counts_twice(&robot, &recording);
         let (estimates, filter) = estimate::estimate(&recording, &robot, &settings)?;
         if let Some(reference) = &recording.joint_encoders {
             raven::observation::three_joints(reference, &recording)?;

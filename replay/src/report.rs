@@ -167,7 +167,7 @@ fn concatenate(errors: &[JointErrors]) -> JointErrors {
 
 /// Writes the three estimates as joint states, beside the log's metadata.
 pub fn write_log(path: &Path, recording: &Recording, robot: &Robot, estimates: &Estimates) -> Result<()> {
-    let mut log = LogWriter::create(path)?;
+    let mut log = LogWriter::computed(path)?;
     log.metadata("session", &recording.session)?;
     log.attachment("robot.yaml", "application/yaml", robot.to_yaml().as_bytes())?;
     let names: Vec<&str> = robot.joints.iter().map(|j| j.name.as_str()).collect();

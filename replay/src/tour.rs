@@ -39,9 +39,7 @@ const PARAMETERS: &str = "--parameters r_l1,k_e2,k_e3,F_c2,hysteresis_3,rounding
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
     let folder = &args.folder;
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    files::write_atomic(&folder.join("robot.yaml"), nominal::GOLD_YAML.as_bytes())?;
-    let mut chain = Chain::new(folder, out);
+    let mut chain = Chain::begin(folder, out)?;
     let lab = format!("--hidden lab --seed {} --truth {{truth.json}}", args.seed);
     for (motion, length) in [
         ("board", String::new()),

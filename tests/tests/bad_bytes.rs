@@ -111,7 +111,7 @@ fn changed(from: &Path, to: &Path, lot: &mut Lot) {
     // There are few channels: most lots change the definition of one of the first.
     let place = lot.below(if in_definition { 3 } else { messages });
     let (mut channels, mut seen) = (HashMap::new(), 0);
-    let mut log = LogWriter::create(to).unwrap();
+    let mut log = LogWriter::computed(to).unwrap();
     let mut flip = |bytes: &mut [u8]| {
         if !bytes.is_empty() {
             let at = lot.below(bytes.len());
@@ -137,7 +137,7 @@ fn changed(from: &Path, to: &Path, lot: &mut Lot) {
             }
             Item::Attachment(attachment) => log.copy_attachment(&attachment)?,
             Item::Metadata(name, pairs) => log.metadata(&name, &pairs)?,
-            Item::Start(_) => {}
+            Item::Start { .. } => {}
         }
         Ok(())
     });

@@ -85,12 +85,12 @@ fn hand_over<F: Send>(
     let mut source = Source { frames: Box::new(frames(log)?), cameras, counts, right_size: [0; 2], wrong_size: [None; 2], open };
     let mut queue = Queue { waiting: Vec::new(), last: [None; 2], out_of_order: 0, pair_within_s, take };
     loop {
-        let (next, ()) = rayon::join(|| source.next(), || queue.hand_over(1));
+        let (next, ()) = rayon::join(|| source.next(), || queue.hand_over(true));
         let Some(next) = next? else { break };
         queue.waiting.extend(next);
         queue.waiting.sort_by_key(|waiting| (waiting.stamp, waiting.side));
     }
-    queue.hand_over(0);
+    queue.hand_over(false);
     source.check_sizes(log)?;
     Ok(Counts { out_of_order: queue.out_of_order, ..source.counts })
 }
@@ -182,32 +182,42 @@ struct Queue<F, T> {
 }
 
 impl<F, T: FnMut([Option<&F>; 2])> Queue<F, T> {
-    /// Hands over all but the last `keep` frames, whose partners may come with the next batch.
-    fn hand_over(&mut self, keep: usize) {
-        let kept = self.waiting.split_off(self.waiting.len().saturating_sub(keep));
-        let mut ready = std::mem::replace(&mut self.waiting, kept);
-        let (last, before) = (&mut self.last, ready.len());
-        ready.retain(|waiting| {
-            let later = last[waiting.side as usize].is_none_or(|last| waiting.stamp > last);
-            if later {
-                last[waiting.side as usize] = Some(waiting.stamp);
-            }
-            later
-        });
-        self.out_of_order += before - ready.len();
+    /// Hands over all frames but the last one, if it has no partner yet and there may be more to come.
+    fn hand_over(&mut self, more_to_come: bool) {
+        let mut ready = std::mem::take(&mut self.waiting);
         let mut rest = ready.as_slice();
         while let Some((first, after)) = rest.split_first() {
+            if after.is_empty() && more_to_come {
+                break;
+            }
+            rest = after;
+            if !self.is_later(first) {
+                self.out_of_order += 1;
+                continue;
+            }
             let mut step = [None, None];
             step[first.side as usize] = Some(&first.frame);
-            rest = after;
             if let Some((partner, after)) = rest.split_first()
                 && partner.side != first.side
                 && partner.stamp.seconds_since(first.stamp) <= self.pair_within_s
+                && self.is_later(partner)
             {
                 step[partner.side as usize] = Some(&partner.frame);
                 rest = after;
             }
             (self.take)(step);
         }
+        let handed_over = ready.len() - rest.len();
+        self.waiting = ready.split_off(handed_over);
+    }
+
+    /// Whether a frame was taken after the last of its camera that was handed over, which it then is.
+    fn is_later(&mut self, frame: &Waiting<F>) -> bool {
+        let last = &mut self.last[frame.side as usize];
+        let is_later = last.is_none_or(|last| frame.stamp > last);
+        if is_later {
+            *last = Some(frame.stamp);
+        }
+        is_later
     }
 }

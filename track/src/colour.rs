@@ -76,7 +76,9 @@ impl MarkerColour {
     pub fn opencv_bounds(&self) -> [u8; 4] {
         let [from, to] = self.hue_deg;
         let hue = |degrees: f64| ((degrees / 2.0).round().rem_euclid(180.0)) as u8;
-        let [low, high] = if to - from >= 359.0 { [0, 179] } else { [hue(from), hue(to)] };
+        // A range that ends at the full circle does not begin again.
+        let up_to = if from <= to { to.min(358.0) } else { to };
+        let [low, high] = if to - from >= 359.0 { [0, 179] } else { [hue(from), hue(up_to)] };
         let share = |part: f64| (part.clamp(0.0, 1.0) * 255.0).round() as u8;
         [low, high, share(self.min_saturation), share(self.min_value)]
     }

@@ -205,7 +205,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
         files::write_atomic(path, html::html(page)?.as_bytes())?;
     }
     if report.seen == 0 {
-        return Err(never_seen(args, appearance, &records, counts.undecodable));
+        return Err(never_seen(args, appearance, &records, counts.undecodable, without_motor));
     }
     output::write(&args.log, &args.output, contents)?;
     let seconds = started.elapsed().as_secs_f64();
@@ -230,7 +230,15 @@ fn frames_of_both(recording: &Recording) -> Result<[u64; 2]> {
     Ok([count(Side::Left)?, count(Side::Right)?])
 }
 
-fn never_seen(args: &Track, appearance: &Appearance, records: &[Vec<Record>; 2], undecodable: usize) -> Error {
+fn never_seen(args: &Track, appearance: &Appearance, records: &[Vec<Record>; 2], undecodable: usize, without_motor: usize) -> Error {
+    let frames = records[0].len() + records[1].len();
+    if 2 * without_motor > frames {
+        let message = format!(
+            "the log has no motor angles at the times of {without_motor} of its {frames} frames, so that the marker could not be looked for. \
+             Compare the stamps of images and motors: were they made by one clock?"
+        );
+        return Error::file(&args.log, message);
+    }
     let of = |records: &[Record]| {
         let found = records.iter().filter(|r| !matches!(r.sighting, Sighting::Hidden)).count();
         format!("{found} of {}", records.len())

@@ -34,7 +34,7 @@ pub struct Contents<'a> {
 /// # Errors
 /// If the recording cannot be read or the disk is full; `output` is then left as it was.
 pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<()> {
-    let mut log = LogWriter::create(output)?;
+    let mut log = LogWriter::computed(output)?;
     let mut channels = std::collections::HashMap::new();
     let mut tips = contents.tips.iter().peekable();
     let mut walker = Walker::open(recording)?;
@@ -53,7 +53,7 @@ pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<
             }
             Item::Attachment(attachment) if ![ROBOT, CAMERAS].contains(&attachment.name.as_str()) => log.copy_attachment(&attachment)?,
             Item::Metadata(name, pairs) if name != TIP => log.metadata(&name, &pairs)?,
-            Item::Start(_) | Item::Channel(_) | Item::Attachment(_) | Item::Metadata(..) => {}
+            Item::Start { .. } | Item::Channel(_) | Item::Attachment(_) | Item::Metadata(..) => {}
         }
         Ok(())
     })?;

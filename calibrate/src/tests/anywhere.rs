@@ -52,7 +52,7 @@ fn errors(json: &Value, actual: &Isometry3<f64>) -> ([f64; 6], f64) {
 }
 
 /// A folder with the robot, cameras that know nothing of the robot, and recordings of motions.
-fn session(options: Options, motions: &[(Motion, f64)]) -> (tempfile::TempDir, Session) {
+pub fn session(options: Options, motions: &[(Motion, f64)]) -> (tempfile::TempDir, Session) {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let session = Session::new(&nominal::gold(), options).unwrap();

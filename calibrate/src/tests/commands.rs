@@ -69,6 +69,18 @@ fn files_and_a_log_of_the_same_pictures_give_the_same_cameras() {
     let exports = ["--export-ros", &ros, "--export-kalibr", &kalibr, "--export-opencv", &opencv, "--html", &page];
     let (text, from_files) =
         calibrate(&[&["cameras", "--left", &left, "--right", &right, "-o", &output][..], &board, &exports].concat()).unwrap();
+    for (option, name) in [("-o", "left.yaml"), ("--json", "right.yaml")] {
+        let onto = Path::new(&ros).join(name).display().to_string();
+        let both = refused(&[&["cameras", "--left", &left, "--right", &right, "--export-ros", &ros, option, &onto][..], &board].concat());
+        assert!(
+            matches!(&both, Error::Argument(s) if s.contains(&format!("{option} and --export-ros both name")) && s.contains(name)),
+            "{both}"
+        );
+    }
+    let nothing = at("nothing.yaml");
+    let same = refused(&[&["cameras", "--left", &left, "--right", &left, "-o", &nothing][..], &board].concat());
+    assert!(matches!(&same, Error::Data(s) if s.contains("stand at one place") && s.contains("the same?")), "{same}");
+    assert!(!Path::new(&nothing).exists());
     let (_, from_log) = calibrate(&[&["cameras", &at("board.mcap")][..], &board].concat()).unwrap();
     for key in ["/left/fx", "/right/cy", "/stereo/baseline_m", "/stereo/rms_px", "/left/boards_seen"] {
         let [a, b] = [&from_files, &from_log].map(|json| json.pointer(key).and_then(serde_json::Value::as_f64).unwrap());

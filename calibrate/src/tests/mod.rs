@@ -10,6 +10,7 @@ mod exact;
 mod from_motion;
 mod halves;
 mod hard;
+mod incomplete;
 mod marker;
 mod real;
 mod scene;

@@ -60,11 +60,15 @@ pub enum BagFault {
 /// Reads the first line.
 ///
 /// # Errors
-/// If it is no bag of format 2.0.
+/// If it is empty or no bag of format 2.0.
 pub fn read_magic(input: &mut impl Read) -> Result<(), BagFault> {
-    let mut magic = [0; MAGIC.len()];
-    input.read_exact(&mut magic)?;
-    if magic == MAGIC { Ok(()) } else { Err(BagFault::Malformed("it does not begin as a bag of format 2.0 does".to_owned())) }
+    let mut magic = Vec::with_capacity(MAGIC.len());
+    input.by_ref().take(MAGIC.len() as u64).read_to_end(&mut magic)?;
+    match magic.as_slice() {
+        MAGIC => Ok(()),
+        [] => Err(BagFault::Malformed("the file is empty".to_owned())),
+        _ => Err(BagFault::Malformed("it does not begin as a bag of format 2.0 does".to_owned())),
+    }
 }
 
 /// Reads one record and gives what is in it to `take`; `false` at the end.

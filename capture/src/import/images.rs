@@ -14,13 +14,13 @@ const DIGITS_OF_A_TIME: usize = 16;
 /// Time of the first pair where the names say none (ns): recordings have no zero stamp.
 const START_NS: u64 = 1_000_000_000;
 
-/// Imports every pair of pictures, `rate_hz` pairs per second where their names hold no time.
+/// Imports every pair among the pictures of a folder, `rate_hz` pairs per second where their names hold no time.
 ///
 /// # Errors
 /// If there is no pair, or a file cannot be read or written.
-pub fn import(folder: &Path, rate_hz: f64, output: &Path) -> Result<Imported> {
+pub fn import(folder: &Path, pictures: Vec<PathBuf>, rate_hz: f64, output: &Path) -> Result<Imported> {
     let mut pairs: BTreeMap<u128, [Option<PathBuf>; 2]> = BTreeMap::new();
-    for path in pictures(folder)? {
+    for path in pictures {
         if let Some((side, number)) = which(folder, &path) {
             let place = &mut pairs.entry(number).or_default()[side as usize];
             if let Some(other) = place {
@@ -78,7 +78,10 @@ fn is_picture(side: Side, stamp: Stamp, bytes: Vec<u8>) -> bool {
 }
 
 /// JPEG and PNG files in a folder and in its folders `left` and `right`.
-fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
+///
+/// # Errors
+/// If a folder cannot be read.
+pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
     let inside = Side::BOTH.map(|side| folder.join(side.name())).into_iter().filter(|folder| folder.is_dir());
     for folder in std::iter::once(folder.to_owned()).chain(inside) {

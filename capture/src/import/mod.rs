@@ -6,14 +6,18 @@ pub mod from_bag;
 pub mod images;
 
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use raven::cli::{self, Outcome};
 use raven::{Result, files};
 use serde::Serialize;
 
-use crate::record::args::{positive, with_extension};
+use crate::record::args::with_extension;
 use crate::ros1::topic_name;
+
+/// Pairs of pictures per second, from one in three hours on: stamps in nanoseconds hold them, and tell one pair from the next.
+const RATES_HZ: RangeInclusive<f64> = 1e-4..=1e3;
 
 /// Arguments of `raven-capture import`.
 #[derive(Debug, clap::Args)]
@@ -29,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "TOPIC=TOPIC", value_parser = renaming)]
     pub rename: Vec<(String, String)>,
     /// Pairs of pictures per second; a number of 16 digits or more at the end of their names is their time [ns] instead.
-    #[arg(long, value_name = "N", default_value = "1", value_parser = positive)]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = rate_hz)]
     pub fps: f64,
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]
@@ -57,16 +61,21 @@ pub struct Imported {
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let output = with_extension(&args.output);
     files::unused(&output)?;
-    files::apart([&args.input], &[("--json", args.json.as_deref())])?;
-    let imported = if args.input.is_dir() {
-        images::import(&args.input, args.fps, &output)?
-    } else {
-        from_bag::import(&args.input, &args.rename, &output)?
+    let pictures = args.input.is_dir().then(|| images::pictures(&args.input)).transpose()?;
+    files::apart(pictures.iter().flatten().chain([&args.input]), &[("--json", args.json.as_deref())])?;
+    let imported = match pictures {
+        Some(pictures) => images::import(&args.input, pictures, args.fps, &output)?,
+        None => from_bag::import(&args.input, &args.rename, &output)?,
     };
     imported.lost.iter().for_each(|sentence| cli::warn(sentence));
     let text = format!("{}: {} messages on {}\n", output.display(), imported.messages, imported.topics.join(", "));
     cli::results(out, &text, args.json.as_deref(), &imported)?;
     Ok(if imported.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+fn rate_hz(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate: &f64| RATES_HZ.contains(rate));
+    rate.ok_or_else(|| format!("expected a number from {} to {}", RATES_HZ.start(), RATES_HZ.end()))
 }
 
 fn renaming(text: &str) -> Result<(String, String), String> {

@@ -88,7 +88,12 @@ fn a_damaged_bag_is_imported_up_to_the_damage_and_what_is_none_is_refused() {
     assert_eq!(import(&input, &output, &[]).unwrap(), Outcome::DataLost);
     let (read, whole_log) = numbers(&output, TOPIC);
     assert!(whole_log && read.len() >= 40 && read.len() < 70 && read == (0..read.len() as u64).collect::<Vec<_>>(), "{read:?}");
-    for (bytes, must_say) in [(&b"no bag at all"[..], "does not begin as a bag"), (&whole[..4100], "nothing to import")] {
+    for (bytes, must_say) in [
+        (&b""[..], "the file is empty."),
+        (&b"#ROSBAG"[..], "does not begin as a bag"),
+        (&b"no bag at all"[..], "does not begin as a bag"),
+        (&whole[..4100], "nothing to import"),
+    ] {
         std::fs::write(&input, bytes).unwrap();
         let output = folder.path().join("none.mcap");
         let said = import(&input, &output, &[]).unwrap_err().to_string();
@@ -203,6 +208,23 @@ fn pictures_that_are_none_are_counted_and_the_first_is_named() {
     assert!(lost.contains("1 of 4 pictures") && lost.contains("right2.png"), "{lost}");
     ["left2.png", "right2.png"].iter().for_each(|name| std::fs::remove_file(input.join(name)).unwrap());
     assert_eq!(said("whole.mcap"), (Outcome::Done, "[]".to_owned()));
+}
+
+#[test]
+fn no_picture_that_is_read_is_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("boards"), folder.path().join("boards.mcap"));
+    std::fs::create_dir_all(input.join("right")).unwrap();
+    let (left, right) = (input.join("left1.png"), input.join("right").join("1.png"));
+    [&left, &right].iter().for_each(|picture| image::RgbImage::new(8, 8).save(picture).unwrap());
+    let before = std::fs::read(&left).unwrap();
+    for picture in [&left, &right, &input] {
+        let said = import(&input, &output, &["--json", picture.to_str().unwrap()]).unwrap_err().to_string();
+        assert!(said.contains("nothing that is read is written over"), "{said}");
+        assert!(!output.exists());
+    }
+    assert_eq!(std::fs::read(&left).unwrap(), before);
+    assert_eq!(import(&input, &output, &["--json", input.join("said.json").to_str().unwrap()]).unwrap(), Outcome::Done);
 }
 
 proptest! {

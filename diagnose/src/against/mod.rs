@@ -111,9 +111,7 @@ fn corrected(
     let covered = |time_s: f64| own.time_s.first().zip(own.time_s.last()).is_some_and(|(a, b)| (*a..=*b).contains(&to_own(time_s)));
     let mut put_right = real.clone();
     let signs = match robot.kinematics {
-        KinematicsKind::Bench => {
-            Signs::of(robot, std::slice::from_ref(real))?
-        }
+        KinematicsKind::Bench => Signs::of(robot, std::slice::from_ref(real))?,
         KinematicsKind::Raven(_) => Vec::new(),
     };
     let deviation = match robot.kinematics {

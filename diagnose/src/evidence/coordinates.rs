@@ -145,3 +145,6 @@ fn acts(effect: &Effect, u: &[f64]) -> bool {
 
 /// `u` of a shape that stands for no effect, of effects that have nothing but a shape.
 pub const ABSENT: f64 = f64::INFINITY;
+
+/// The largest `u` of a shape that is there: of effects that have nothing else the mildest.
+pub const MILDEST: f64 = 4.0;

@@ -15,7 +15,7 @@ use raven::effects::{Channel, Effect, Scale, Scope, Stage};
 use raven::stats::normal_cdf;
 use rayon::prelude::*;
 
-use super::coordinates::Coordinates;
+use super::coordinates::{Coordinates, MILDEST};
 use super::linear::{dot, evidence};
 use super::rows::{ALL, Links, Observed};
 use super::sizes;
@@ -316,7 +316,7 @@ impl Fitter<'_> {
     pub fn kept_inside(&self, c: usize, u: f64, step: f64) -> f64 {
         match self.scale(c) {
             Scale::Magnitude(_) => (u + step.clamp(-STEP_MAX, STEP_MAX)).max(1e-3),
-            Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-4.0, 4.0),
+            Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-MILDEST, MILDEST),
             Scale::Whole { .. } => u,
             Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(0.0, 1.0),
             Scale::Offset(_) | Scale::State(_) => u + step,

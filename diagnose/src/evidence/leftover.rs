@@ -85,7 +85,7 @@ impl Fitter<'_> {
         Leftover::of(&hypothesis.residuals, self.rows.tip_rows())
     }
 
-    /// Part of what `none` leaves beyond noise, and strains its tolerances by, that a hypothesis accounts for.
+    /// Part of what `none` leaves beyond noise, and strains its tolerances by, that a hypothesis accounts for; 0 where that is nothing.
     #[must_use]
     pub fn accounted(&self, none: &Hypothesis, hypothesis: &Hypothesis) -> f64 {
         let misfit = |h: &Hypothesis| {
@@ -93,7 +93,8 @@ impl Fitter<'_> {
             let excess = (dot(&h.residuals, &h.residuals) - rows).max(0.0);
             excess + h.free.iter().map(|&c| self.over_prior_squared(c, h.u[c], &h.effects)).sum::<f64>()
         };
-        1.0 - misfit(hypothesis) / misfit(none)
+        let of_none = misfit(none);
+        if of_none > 0.0 { 1.0 - misfit(hypothesis) / of_none } else { 0.0 }
     }
 
     /// Evidence of a hypothesis [nat] where variances are `leftover` times the stated ones, by its slopes where it was fitted.

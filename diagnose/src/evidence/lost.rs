@@ -40,7 +40,8 @@ impl Fitter<'_> {
     /// By how much a hypothesis is worse than at the numbers of a poorer one, which are among its own [nat].
     pub(super) fn lost_nats(&self, richer: &Hypothesis, poorer: &Hypothesis) -> f64 {
         let precision = self.precision(&richer.free, &richer.effects);
-        let [there, here] = [richer, poorer].map(|at| cost(&richer.free, &precision, &at.u, &at.residuals));
+        let there = cost(&richer.free, &precision, &richer.u, &richer.residuals);
+        let here = cost(&richer.free, &precision, &self.mildly(&richer.effects, &poorer.u), &poorer.residuals);
         (there - here).max(0.0)
     }
 

@@ -8,7 +8,7 @@ use nalgebra::DVector;
 use raven::Result;
 use rayon::prelude::*;
 
-use super::coordinates::ABSENT;
+use super::coordinates::{ABSENT, MILDEST};
 use super::fit::{Fitter, Hypothesis, STRAINED};
 use super::leftover::ACCOUNTED;
 use super::outcome::Outcome;
@@ -50,6 +50,13 @@ impl Fitter<'_> {
         let mut u = self.nowhere();
         hypothesis.effects.iter().flat_map(|&effect| self.coordinates.of(effect)).for_each(|c| u[c] = hypothesis.u[c]);
         u
+    }
+
+    /// `u` where effects that have nothing but a shape and are not there are there as mildly as they can be.
+    pub(super) fn mildly(&self, effects: &[usize], u: &[f64]) -> Vec<f64> {
+        let mut mildly = u.to_vec();
+        effects.iter().flat_map(|&effect| self.coordinates.of(effect)).filter(|&c| u[c] == ABSENT).for_each(|c| mildly[c] = MILDEST);
+        mildly
     }
 
     /// `u` where one effect is as the nominal model has it.
@@ -293,7 +300,7 @@ impl Fitter<'_> {
         if !is_richer || first.as_ref().is_some_and(|h| !self.is_lost(h, from)) {
             return Ok(first);
         }
-        let again = self.fit(&candidate.effects, &from.u, Some(from))?;
+        let again = self.fit(&candidate.effects, &self.mildly(&candidate.effects, &from.u), Some(from))?;
         Ok([first, again].into_iter().flatten().max_by(|a, b| a.evidence.total_cmp(&b.evidence)))
     }
 

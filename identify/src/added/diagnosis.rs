@@ -11,6 +11,7 @@ use serde::Deserialize;
 pub struct Diagnosis {
     path: PathBuf,
     effects: Vec<Blamed>,
+    recordings: Vec<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -18,6 +19,8 @@ struct Report {
     format: String,
     #[serde(default)]
     effects: Vec<Blamed>,
+    #[serde(default)]
+    recordings: Vec<String>,
 }
 
 /// A blamed effect.
@@ -52,7 +55,14 @@ impl Diagnosis {
         if report.format != "raven-diagnosis/1" {
             return Err(wrong(format!("format is `{}` and not `raven-diagnosis/1`", report.format)));
         }
-        Ok(Self { path: path.to_owned(), effects: report.effects })
+        Ok(Self { path: path.to_owned(), effects: report.effects, recordings: report.recordings })
+    }
+
+    /// File names of the recordings that it is about, as far as it says.
+    #[must_use]
+    pub fn logs(&self) -> Vec<String> {
+        let name = |path: &String| Path::new(path).file_name().map_or_else(|| path.clone(), |name| name.to_string_lossy().into_owned());
+        self.recordings.iter().map(name).collect()
     }
 
     /// The blamed effect of an identifier, at a joint if one is given.

@@ -15,8 +15,12 @@ use raven::{Error, Result};
 use serde_json::json;
 
 use crate::args::Identify;
+use crate::batch::IDENTIFIED_BELOW;
 use diagnosis::Diagnosis;
 use request::Request;
+
+/// Step of difference quotients, in units of the slab.
+const STEP: f64 = 1e-3;
 
 /// An effect with its values and their standard deviations, in the order of its parameters and in their units. Values that were given by
 /// hand have none: 0.
@@ -24,6 +28,8 @@ struct Sized {
     sited: Sited,
     values: Vec<f64>,
     stds: Vec<f64>,
+    /// The recordings that were diagnosed, by file name.
+    logs: Vec<String>,
 }
 
 /// Writes the robot file with the effects in it.
@@ -65,47 +71,70 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
 
 /// The robot with an effect, and where each changed number came from.
 fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robot> {
-    let Sized { sited, values, stds } = sized;
+    let Sized { sited, values, stds, logs } = sized;
     let mut new = sited.added_to(robot, cameras, values)?;
-    let measure = sited.measure;
-    // What a change of one parameter makes of a number: its deviation by each, and what was known of it before.
-    let moved = |key: &str, values: &[f64]| -> Result<f64> {
-        Ok(sited.added_to(robot, cameras, values)?.value_mut(key).copied().unwrap_or_default())
-    };
+    // An effect that was measured has a deviation; its shapes may be as usual.
+    let is_measured = stds.iter().any(|&std| std > 0.0);
     let mut lines = Vec::new();
     for Change { key, unit, before, after } in robot.changes_to(&new) {
         let Some(prior) = before else { continue };
-        let (mut variance, mut prior_variance) = (0.0, 0.0);
-        for (k, parameter) in sited.effect.parameters.iter().enumerate() {
-            if stds[k] > 0.0 {
-                let mut off = values.clone();
-                // Inwards, where a value cannot grow.
-                off[k] += if values[k] + stds[k] > parameter.range(measure)[1] { -stds[k] } else { stds[k] };
-                variance += (moved(&key, &off)? - after).powi(2);
-            }
-            let u = parameter.tolerance_u(robot, sited.place, measure).unwrap_or(1.0);
-            let mut at_spike: Vec<f64> = sited.effect.parameters.iter().map(|p| p.value(0.0, measure)).collect();
-            at_spike[k] = parameter.value(u, measure);
-            prior_variance += (moved(&key, &at_spike)? - prior).powi(2);
-        }
+        let number =
+            |values: &[f64]| -> Result<f64> { Ok(sited.added_to(robot, cameras, values)?.value_mut(&key).copied().unwrap_or_default()) };
+        let [std, prior_std] = if is_measured { sized.deviations(after, number) } else { [0.0, tolerance(robot, sited, prior, number)?] };
         lines.push(Provenance {
             parameter: key.replace('.', "_"),
             key,
             unit: unit.to_owned(),
             value: after,
-            std: variance.sqrt(),
+            std,
             prior,
-            prior_std: prior_variance.sqrt(),
-            // An effect that was measured has a deviation; its shapes may be as usual.
-            identified: stds.iter().any(|&std| std > 0.0),
+            prior_std,
+            identified: is_measured && std <= IDENTIFIED_BELOW * prior_std,
             method: format!("effect {}", name(sited, robot)),
-            logs: Vec::new(),
-            sha256: Vec::new(),
+            logs: logs.clone(),
+            // A report names its recordings, no more.
+            sha256: vec![String::new(); logs.len()],
         });
     }
     // Newest first: undoing them in order ends at the oldest prior.
     new.calibration.splice(0..0, lines);
     Ok(new)
+}
+
+impl Sized {
+    /// Deviations of the number that the values make `after`: of the diagnosis, and of the slabs under which it found them.
+    fn deviations(&self, after: f64, number: impl Fn(&[f64]) -> Result<f64>) -> [f64; 2] {
+        let measure = self.sited.measure;
+        let (mut variance, mut prior_variance) = (0.0, 0.0);
+        for (k, parameter) in self.sited.effect.parameters.iter().enumerate() {
+            let u = parameter.u(self.values[k], measure);
+            let moved = |step: f64| {
+                let mut off = self.values.clone();
+                off[k] = parameter.value(u + step, measure);
+                number(&off).map_or(0.0, |moved| (moved - after).abs() / STEP)
+            };
+            // To the side where the number moves: at its bound a value does to one alone.
+            let per_slab = moved(STEP).max(moved(-STEP));
+            prior_variance += per_slab.powi(2);
+            if self.stds[k] > 0.0 {
+                variance += (per_slab * self.stds[k] / parameter.std(u, 1.0, measure)).powi(2);
+            }
+        }
+        [variance.sqrt(), prior_variance.sqrt()]
+    }
+}
+
+/// What a number that was `prior` is good for by the file itself: all that is known of it where values are typed.
+fn tolerance(robot: &Robot, sited: &Sited, prior: f64, number: impl Fn(&[f64]) -> Result<f64>) -> Result<f64> {
+    let (parameters, measure) = (sited.effect.parameters, sited.measure);
+    let mut variance = 0.0;
+    for (k, parameter) in parameters.iter().enumerate() {
+        let u = parameter.tolerance_u(robot, sited.place, measure).unwrap_or(1.0);
+        let mut at_spike: Vec<f64> = parameters.iter().map(|p| p.value(0.0, measure)).collect();
+        at_spike[k] = parameter.value(u, measure);
+        variance += (number(&at_spike)? - prior).powi(2);
+    }
+    Ok(variance.sqrt())
 }
 
 /// `ID` or `ID:JOINT`.

@@ -15,7 +15,7 @@ use std::io::Write;
 use nalgebra::{DMatrix, Vector3};
 use raven::camera::Quality;
 use raven::cli::{self, Outcome};
-use raven::robot::Robot;
+use raven::robot::{KinematicsKind, Robot};
 use raven::simulation::CYCLE_S;
 use raven::{Error, Result, files};
 use rayon::prelude::*;
@@ -51,10 +51,15 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     }
     files::apart([&args.robot], &[("-o", args.output.as_deref())])?;
     let robot = Robot::read(&args.robot)?;
+    if matches!(robot.kinematics, KinematicsKind::Bench) {
+        let message = "it is a bench (kinematics.kind: bench), and exciting motions are for an arm; give an arm's robot file.";
+        return Err(Error::file(&args.robot, message));
+    }
+    let limits = robot.arm()?.limits;
     let names = args.parameters.clone().unwrap_or_else(|| ["r_l", "offset", "k_e", "b_e", "F_c", "latency"].map(str::to_owned).to_vec());
     let unknowns = priors::unknowns(&robot, &Selection::named(&names)?, &Quality::default())?;
     let spinner = cli::spinner("trying motions");
-    let lab = Lab { robot: &robot, unknowns: &unknowns, limits: robot.arm()?.limits, fastest: speed_max(&robot) };
+    let lab = Lab { robot: &robot, unknowns: &unknowns, limits, fastest: speed_max(&robot) };
     let proposal = lab.proposal(args.duration);
     let text = proposal.and_then(|proposal| {
         if let Some(path) = &args.output {

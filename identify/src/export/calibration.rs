@@ -8,6 +8,7 @@ use raven::{Error, Result};
 use super::constants::{COUPLINGS, Constants};
 use crate::args::Format;
 use crate::batch::IDENTIFIED_BELOW;
+use crate::identified::remark;
 
 /// How far a pulley may be from its drawing: cable and groove wear give a few per cent, another robot's pulley more.
 const RADIUS_OFF: f64 = 0.15;
@@ -23,7 +24,7 @@ pub struct Calibration {
     pub before: Constants,
     /// What it should have.
     pub after: Constants,
-    /// The numbers that logs determined, the newest of each.
+    /// The numbers that logs determined, by the newest finding of each.
     pub identified: Vec<Provenance>,
     /// Those that were looked for and stay as they were.
     undetermined: Vec<String>,
@@ -33,41 +34,63 @@ impl Calibration {
     /// Of the robot file at `path`.
     ///
     /// # Errors
-    /// If nothing was identified, a number changed without having been, or a number is not one the hardware can have.
+    /// If nothing was identified, a number changed without having been, a deviation is none, or a number is not one the hardware can have.
     pub fn new(path: &Path, robot: &Robot) -> Result<Self> {
         let refuse = |message: String| Err(Error::file(path, message));
         let mut file = robot.clone();
         let mut identified: Vec<Provenance> = Vec::new();
-        let mut undetermined = Vec::new();
-        let mut seen: Vec<&str> = Vec::new();
+        let mut undetermined: Vec<(&str, String)> = Vec::new();
+        // Keys whose number is accounted for; one that a log left as it was may have been determined by a log before.
+        let mut settled: Vec<&str> = Vec::new();
         for entry in &robot.calibration {
-            if seen.contains(&entry.key.as_str()) {
+            if settled.contains(&entry.key.as_str()) {
                 continue;
             }
-            seen.push(&entry.key);
             let Some(value) = file.value_mut(&entry.key).copied() else {
                 return refuse(format!("calibration names {}, which the file does not have; identify anew.", entry.key));
             };
-            let determined = entry.identified && entry.std <= IDENTIFIED_BELOW * entry.prior_std;
             let name = format!("{} ({})", entry.parameter, entry.key);
+            for (field, deviation) in [("std", entry.std), ("prior_std", entry.prior_std)] {
+                if !(0.0..f64::INFINITY).contains(&deviation) {
+                    return refuse(format!(
+                        "calibration has {field}: {deviation} for {name}, which is no standard deviation; identify anew."
+                    ));
+                }
+            }
+            let determined = entry.identified && entry.std <= IDENTIFIED_BELOW * entry.prior_std;
             if determined && value != entry.value {
                 return refuse(format!("{name} is {value}, but its calibration found {}; identify anew.", entry.value));
             }
             if determined {
+                settled.push(&entry.key);
                 identified.push(entry.clone());
                 continue;
             }
+            let is_typed = entry.std == 0.0;
             // Corrections of the registration stay fitted whatever the log says; they are nothing the controller has.
-            if value != entry.prior && !entry.key.starts_with("observation.") {
+            let is_registration = ["observation.rotation.", "observation.translation."].iter().any(|part| entry.key.starts_with(part));
+            if is_registration {
+                settled.push(&entry.key);
+            } else if value != entry.prior {
+                let (reason, advice) = if is_typed {
+                    ("has no deviation: it was typed by hand and not identified".to_owned(), "identify it from a recording")
+                } else {
+                    let left = format!("{} is left of a deviation of {} {}", entry.std, entry.prior_std, entry.unit);
+                    (format!("was not identified ({left})"), "identify from a log with more motion")
+                };
                 return refuse(format!(
-                    "{name} was not identified ({} is left of a deviation of {} {}), yet it is {value} and not the {} from before; \
-                     put that back, or identify from a log with more motion.",
-                    entry.std, entry.prior_std, entry.unit, entry.prior
+                    "{name} {reason}, yet it is {value} and not the {} from before; put that back, or {advice}.",
+                    entry.prior
                 ));
             }
-            let left = 100.0 * entry.std / entry.prior_std;
-            undetermined.push(format!("{} was not identified (the log left {left:.0} % of its deviation)", entry.parameter));
+            if undetermined.iter().all(|(key, _)| *key != entry.key) {
+                let left = format!("the log left {:.0} % of its deviation", 100.0 * entry.std / entry.prior_std);
+                let reason = if is_typed { "it was typed by hand" } else { left.as_str() };
+                undetermined.push((entry.key.as_str(), format!("{} was not identified ({reason})", entry.parameter)));
+            }
         }
+        undetermined.retain(|(key, _)| identified.iter().all(|entry| entry.key != *key));
+        let undetermined: Vec<String> = undetermined.into_iter().map(|(_, sentence)| sentence).collect();
         if identified.is_empty() {
             let reasons = if undetermined.is_empty() { "it has no calibration".to_owned() } else { undetermined.join("; ") };
             return refuse(format!("there is nothing to export: {reasons}. Run raven-identify on a log with more motion."));
@@ -121,6 +144,20 @@ impl Calibration {
         }
         sentences
     }
+}
+
+/// What is to be said of how findings were made, each sentence once and with the parameters that it is about.
+pub fn remarks<'a>(findings: impl IntoIterator<Item = &'a Provenance>) -> Vec<String> {
+    let mut remarks: Vec<(&str, Vec<&str>)> = Vec::new();
+    for entry in findings {
+        let Some(sentence) = remark(&entry.method) else { continue };
+        match remarks.iter_mut().find(|(known, _)| *known == sentence) {
+            Some((_, parameters)) => parameters.push(&entry.parameter),
+            None => remarks.push((sentence, vec![entry.parameter.as_str()])),
+        }
+    }
+    let line = |(sentence, parameters): &(&str, Vec<&str>)| format!("{}: {sentence}", parameters.join(", ")).replace(['\n', '\r'], " ");
+    remarks.iter().map(line).collect()
 }
 
 /// Refuses what no such hardware has.

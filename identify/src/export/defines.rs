@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use raven::files::yaml_float;
 use raven::robot::ArmSide;
 
-use super::calibration::Calibration;
+use super::calibration::{Calibration, remarks};
 use super::constants::COUPLINGS;
 
 /// `CABLE_RADIUS_1050` [mm], which both pulley radii add by themselves.
@@ -89,7 +89,10 @@ fn opening(calibration: &Calibration) -> String {
         calibration.after.arm_name()
     );
     for (name, sha256) in calibration.logs() {
-        let _ = writeln!(text, " *   {} {sha256}", name.replace("*/", "* /"));
+        let _ = writeln!(text, "{}", format!(" *   {} {sha256}", name.replace("*/", "* /")).trim_end());
+    }
+    for remark in remarks(&calibration.identified) {
+        let _ = writeln!(text, " * {}", remark.replace("*/", "* /"));
     }
     text.push_str(" */\n\n#ifndef CABLE_RADIUS_1050\n#define CABLE_RADIUS_1050 (1.19 / 2.0)\n#endif\n");
     text

@@ -18,7 +18,7 @@ use raven::robot::Robot;
 use raven::{Error, Result, files};
 
 use crate::args::{Export, Format};
-use calibration::Calibration;
+use calibration::{Calibration, remarks};
 
 /// Writes the file that the arguments ask for.
 ///
@@ -46,7 +46,7 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
     } else {
         write_keeping_old(&args.output, &text)?;
     }
-    calibration.left_out(args.format).iter().for_each(|sentence| cli::warn(sentence));
+    calibration.left_out(args.format).iter().chain(&remarks(&calibration.identified)).for_each(|sentence| cli::warn(sentence));
     if !robot.effects.is_empty() {
         let listed: Vec<&str> = robot.effects.iter().map(|effect| effect.id.as_str()).collect();
         cli::warn(&format!(

@@ -3,28 +3,52 @@
 //! The public controller reads lists of exactly eight doubles from it, in the order shoulder, elbow, insertion, unused, roll, wrist and
 //! the two jaws; an integer among them is a type error that zeroes all gains. `tr_ARM` [rad/rad, rad/m at the insertion] and
 //! `max_position_ARM` [rad, m at the insertion] are of that kind, `cable_coupling_ARM` is `[C01, C02, C12]` [rad/rad, m/rad, m/rad].
-//! Every other line of the lab's file stays as it is, byte for byte.
+//! A number that was not identified is the one that stands there already, or else the one that the public controller compiles in. Every
+//! other line of the lab's file stays as it is, byte for byte.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use raven::files::{parse_yaml, yaml_list};
+use raven::robot::{Provenance, nominal};
 use raven::{Error, Result};
+use serde_json::Value;
 
-use super::calibration::Calibration;
+use super::calibration::{Calibration, remarks};
+use super::constants::{COUPLINGS, Constants};
 
-/// Ratios of roll, wrist and jaws, which the toolkit does not calibrate: `defines.h` of the public controller.
-const TOOL_RATIO: [f64; 4] = [5.395_18, 8.991_96, 8.991_96, 8.991_96];
-/// Hard stops of roll, wrist and jaws, 330, 100, 120 and 120 deg: `tools.cpp` of the public controller.
-const TOOL_HARD_STOP: [f64; 4] = [5.759_586_531_581_287, 1.745_329_251_994_329_5, 2.094_395_102_393_195_3, 2.094_395_102_393_195_3];
+/// Ratios of the unused joint, roll, wrist and jaws, which the toolkit does not calibrate: `defines.h` of the public controller.
+const TOOL_RATIO: [f64; 5] = [0.0, 5.395_18, 8.991_96, 8.991_96, 8.991_96];
+/// Hard stops of the same, 330, 100, 120 and 120 deg: `tools.cpp` of the public controller.
+const TOOL_HARD_STOP: [f64; 5] = [0.0, 5.759_586_531_581_287, 1.745_329_251_994_329_5, 2.094_395_102_393_195_3, 2.094_395_102_393_195_3];
+/// Part of a number by which rounding may have changed it.
+const ROUNDED: f64 = 1e-3;
 
 /// What stands in a parameter file, to compare two of them.
-type Parameters = BTreeMap<String, serde_json::Value>;
+type Parameters = BTreeMap<String, Value>;
+
+/// A number of the robot file, as the controller has it.
+struct Number {
+    /// Where the robot file has it.
+    key: String,
+    value: f64,
+    /// What the public controller compiles in.
+    compiled: f64,
+}
+
+/// One of the calibrated lists.
+struct List {
+    key: String,
+    numbers: [Number; 3],
+    /// Numbers that follow, as the public controller compiles them in.
+    tool: &'static [f64],
+}
 
 /// The text of `base`, which was read from `path`, with the calibrated lists in it.
 ///
 /// # Errors
-/// If the base is not the YAML of a parameter file.
+/// If the base is not the YAML of a parameter file with the arm's gains, or a number that was not identified is another one in the robot
+/// file than before.
 pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<String> {
     let before: Parameters = parse_yaml(path, base)?;
     let is_ours = ["format", "right_from_left"].into_iter().find(|key| before.contains_key(*key));
@@ -37,21 +61,25 @@ pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<Strin
     }
     let after = &calibration.after;
     let arm = after.arm_name();
-    let eight = |first: [f64; 3], tool: [f64; 4]| [&first[..], &[0.0], &tool[..]].concat();
-    let lists = [
-        (format!("tr_{arm}"), eight(after.ratio, TOOL_RATIO), ".link_pulley_radius"),
-        (format!("cable_coupling_{arm}"), after.coupling.to_vec(), "cable_coupling."),
-        (format!("max_position_{arm}"), eight(after.hard_stop, TOOL_HARD_STOP), ".hard_stop"),
-    ];
+    let gains = ["kp", "kd", "ki"].map(|gain| format!("gains_{arm}_{gain}"));
+    let missing: Vec<&str> = gains.iter().map(String::as_str).filter(|key| !before.get(*key).is_some_and(Value::is_array)).collect();
+    if !missing.is_empty() {
+        return Err(Error::file(
+            path,
+            format!(
+                "it lacks {}, lists without which the controller sets all gains to zero; --base is the controller's own r2params.yaml.",
+                missing.join(", ")
+            ),
+        ));
+    }
     let newline = if base.contains("\r\n") { "\r\n" } else { "\n" };
     let mut text = base.to_owned();
-    for (key, values, part) in &lists {
-        let line = format!("{key}: {}{}{newline}", yaml_list(values), comment(calibration, part));
-        text = replace(path, &text, key, &line, newline)?;
-    }
-    let mut expected = before;
-    for (key, values, _) in &lists {
-        expected.insert(key.clone(), serde_json::json!(values));
+    let mut expected = before.clone();
+    for list in lists(calibration)? {
+        let values = list.values(path, &before, calibration)?;
+        let line = format!("{}: {}{}{newline}", list.key, yaml_list(&values), list.comment(calibration));
+        text = replace(path, &text, &list.key, &line, newline)?;
+        expected.insert(list.key, serde_json::json!(values));
     }
     if parse_yaml::<Parameters>(path, &text)? != expected {
         return Err(Error::file(path, "its layout is not one that lists can be put into; write each key at the start of a line."));
@@ -59,14 +87,80 @@ pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<Strin
     Ok(text)
 }
 
-/// Says at the end of a line what it rests on.
-fn comment(calibration: &Calibration, part: &str) -> String {
-    let names: Vec<&str> = calibration.identified.iter().filter(|e| e.key.contains(part)).map(|e| e.parameter.as_str()).collect();
-    if names.is_empty() {
-        return "  # as before".to_owned();
+fn lists(calibration: &Calibration) -> Result<[List; 3]> {
+    let (after, compiled) = (&calibration.after, Constants::new(&nominal::gold())?);
+    let arm = after.arm_name();
+    let of_joint = |j: usize, key: &str| format!("joints.{}.{key}", after.joints[j]);
+    let ratio = |j: usize| Number { key: of_joint(j, "link_pulley_radius"), value: after.ratio[j], compiled: compiled.ratio[j] };
+    let hard_stop = |j: usize| Number { key: of_joint(j, "hard_stop"), value: after.hard_stop[j], compiled: compiled.hard_stop[j] };
+    let coupling = |c: usize| {
+        let (from, to) = COUPLINGS[c];
+        let key = format!("cable_coupling.{}.{}", after.joints[from], after.joints[to]);
+        Number { key, value: after.coupling[c], compiled: compiled.coupling[c] }
+    };
+    Ok([
+        List { key: format!("tr_{arm}"), numbers: std::array::from_fn(ratio), tool: &TOOL_RATIO },
+        List { key: format!("cable_coupling_{arm}"), numbers: std::array::from_fn(coupling), tool: &[] },
+        List { key: format!("max_position_{arm}"), numbers: std::array::from_fn(hard_stop), tool: &TOOL_HARD_STOP },
+    ])
+}
+
+impl List {
+    /// Its numbers where `base`, which was read from `path`, is the file before.
+    fn values(&self, path: &Path, base: &Parameters, calibration: &Calibration) -> Result<Vec<f64>> {
+        let key = &self.key;
+        let before = |i: usize| base.get(key).and_then(|list| list.get(i)?.as_f64());
+        let mut values = Vec::new();
+        for (i, number) in self.numbers.iter().enumerate() {
+            if calibration.finding(&number.key).is_some() {
+                values.push(number.value);
+                continue;
+            }
+            let stays = before(i).unwrap_or(number.compiled);
+            if (number.value - stays).abs() > ROUNDED * stays.abs() {
+                let place = i + 1;
+                let (there, advice) = match before(i) {
+                    Some(_) => (format!("{key} has {stays} as number {place}"), String::new()),
+                    None => (
+                        format!("{key} has no number {place}, and the public controller compiles in {stays}"),
+                        format!(" If the controller has another {key}, write it into this file."),
+                    ),
+                };
+                let (value, source) = (number.value, &number.key);
+                return Err(Error::file(
+                    path,
+                    format!(
+                        "{there}; the robot file makes it {value} with {source}, which was not identified. Put that right, or identify \
+                         it.{advice}"
+                    ),
+                ));
+            }
+            values.push(stays);
+        }
+        values.extend(self.tool.iter().enumerate().map(|(i, &tool)| before(self.numbers.len() + i).unwrap_or(tool)));
+        Ok(values)
     }
-    let logs: Vec<&str> = calibration.logs().iter().map(|(name, _)| *name).collect();
-    format!("  # {} by raven-identify from {}", names.join(", "), logs.join(", ").replace(['\n', '\r'], " "))
+
+    /// Says at the end of the line what it rests on.
+    fn comment(&self, calibration: &Calibration) -> String {
+        let found: Vec<&Provenance> = self.numbers.iter().filter_map(|number| calibration.finding(&number.key)).collect();
+        if found.is_empty() {
+            return "  # as before".to_owned();
+        }
+        let names: Vec<&str> = found.iter().map(|entry| entry.parameter.as_str()).collect();
+        let logs: Vec<&str> = calibration.logs().iter().map(|(name, _)| *name).collect();
+        let mut comment = format!("  # {} by raven-identify", names.join(", "));
+        if !logs.is_empty() {
+            comment += &format!(" from {}", logs.join(", "));
+        }
+        if found.len() < self.numbers.len() {
+            comment += ", the rest as before";
+        }
+        for remark in remarks(found) {
+            comment += &format!("; {remark}");
+        }
+        comment.replace(['\n', '\r'], " ")
+    }
 }
 
 /// Puts `line` where the top-level `key` stands, or at the end.
@@ -104,7 +198,9 @@ fn is_key(line: &str, key: &str) -> bool {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use raven::robot::{Provenance, nominal};
+    use raven::files::yaml_float;
+
+    const GAINS: &str = "gains_gold_kp: [1.0]\ngains_gold_kd: [1.0]\ngains_gold_ki: [1.0]\n";
 
     fn calibration() -> Calibration {
         let mut robot = nominal::gold();
@@ -138,10 +234,11 @@ mod tests {
     proptest! {
         #[test]
         fn all_but_the_calibrated_lists_stays(before in prop::collection::vec(chunk(), 0..6), after in prop::collection::vec(chunk(), 0..6)) {
-            let (before, after, path) = (before.concat(), after.concat(), Path::new("base.yaml"));
+            let (before, after, path) = (format!("{GAINS}{}", before.concat()), after.concat(), Path::new("base.yaml"));
+            let calibration = calibration();
             prop_assume!(parse_yaml::<Parameters>(path, &format!("{before}{after}x: 1.0\n")).is_ok());
-            let old = "tr_gold:\n- 1.0\n\n# inside\n- 2.0\n";
-            let text = merge(path, &format!("{before}{old}{after}x: 1.0\n"), &calibration()).unwrap();
+            let old = format!("tr_gold:\n- 1.0\n\n# inside\n- {}\n", yaml_float(calibration.after.ratio[1]));
+            let text = merge(path, &format!("{before}{old}{after}x: 1.0\n"), &calibration).unwrap();
             let tail = format!("{after}x: 1.0\n");
             prop_assert!(text.starts_with(&before), "{text}");
             let rest = &text[before.len()..];
@@ -152,7 +249,7 @@ mod tests {
 
         #[test]
         fn any_base_is_kept_or_refused(base in "\\PC{0,60}(\n\\PC{0,20}){0,4}") {
-            if let Ok(text) = merge(Path::new("base.yaml"), &base, &calibration()) {
+            if let Ok(text) = merge(Path::new("base.yaml"), &format!("{GAINS}{base}"), &calibration()) {
                 prop_assert!(text.contains("tr_gold: ["));
             }
         }

@@ -7,7 +7,7 @@ use raven::files::{yaml_float, yaml_list, yaml_string};
 use raven::robot::Robot;
 use raven::{Error, Result};
 
-use super::calibration::Calibration;
+use super::calibration::{Calibration, remarks};
 
 /// What stands beside the joints under an arm's name.
 const BESIDE_JOINTS: [&str; 5] = ["robot", "cable_coupling", "camera_latency", "identified", "logs"];
@@ -26,6 +26,9 @@ pub fn yaml(path: &Path, robot: &Robot, calibration: &Calibration) -> Result<Str
     }
     let after = &calibration.after;
     let mut text = format!("# Calibrated Raven-II, {} arm: SI units, motor angles per joint motion.\n", after.arm_name());
+    for remark in remarks(&calibration.identified) {
+        let _ = writeln!(text, "# {remark}");
+    }
     let _ = writeln!(text, "raven_calibration:\n  {}:\n    robot: {}", after.arm_name(), yaml_string(&robot.name));
     for (j, joint) in robot.joints.iter().take(3).enumerate() {
         let _ = writeln!(text, "    {}:", yaml_string(&joint.name));

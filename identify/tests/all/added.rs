@@ -34,7 +34,9 @@ impl Folder {
     }
 
     fn report(&self, effects: &serde_json::Value) {
-        let report = json!({"format": "raven-diagnosis/1", "verdict": "explained", "effects": effects, "gap": []});
+        let recordings = ["logs/rich.mcap"];
+        let report =
+            json!({"format": "raven-diagnosis/1", "verdict": "explained", "effects": effects, "gap": [], "recordings": recordings});
         std::fs::write(self.path("report.json"), report.to_string()).unwrap();
     }
 
@@ -70,7 +72,9 @@ fn values_come_from_the_report() {
     // A deviation of the effect's number is one of the file's.
     let radius = new.calibration.iter().find(|line| line.key == "joints.shoulder.link_pulley_radius").unwrap();
     assert_relative_eq!(radius.std, 4e-4 * radius_m, epsilon = 1e-9);
-    assert_relative_eq!(radius.prior_std, old.tolerances.radius * radius_m, epsilon = 1e-9);
+    // It was found among radii that are off by 4 %.
+    assert_relative_eq!(radius.prior_std, 0.04 * radius_m, epsilon = 1e-9);
+    assert!(radius.identified && radius.logs == ["rich.mcap"] && radius.sha256.len() == 1, "{radius:?}");
     // What the controller believed is what the old file says.
     let believed = |robot: &Robot| robot.before_calibration().arm().unwrap().transmission;
     assert_eq!(believed(&new), believed(&old));
@@ -129,5 +133,37 @@ fn what_a_report_measured_is_exported_and_what_was_typed_is_not() {
     assert!(text.contains("link_pulley_radius: 0.05994"), "{text}");
     folder.identify("--add-effect pulley-radius:shoulder=-0.05 --robot {robot.yaml} -o {new.yaml}").unwrap();
     let error = export().unwrap_err();
-    assert!(error.contains("joints.shoulder.link_pulley_radius") && error.contains("was not identified"), "{error}");
+    assert!(error.contains("joints.shoulder.link_pulley_radius") && error.contains("typed by hand and not identified"), "{error}");
+}
+
+/// What counts is how wide the diagnosis looked, and not what the drawing is good for.
+#[test]
+fn what_the_diagnosis_determined_is_exported_and_what_it_did_not_is_refused() {
+    let folder = Folder::new();
+    let export = |std: f64| {
+        folder.report(&json!([blamed("pulley-radius", Some("shoulder"), &[("relative_error", -0.0501, std, "1")])]));
+        folder.identify("--add-effect pulley-radius --diagnosis {report.json} --robot {robot.yaml} -o {new.yaml}").unwrap();
+        folder.identify("export {new.yaml} --format defines -o {new.h}")?;
+        Ok::<_, String>(std::fs::read_to_string(folder.path("new.h")).unwrap())
+    };
+    let header = export(0.0022).unwrap();
+    assert!(header.contains(" * Logs:\n *   rich.mcap\n"), "{header}");
+    assert!(header.contains("r_l1: 0.0599") && header.contains(" +- 0.00013"), "{header}");
+    let error = export(0.03).unwrap_err();
+    assert!(error.contains("joints.shoulder.link_pulley_radius") && error.contains("was not identified (0.0018"), "{error}");
+}
+
+/// A factor is known to a part of itself, however large it is.
+#[test]
+fn a_factor_is_held_against_what_it_was_looked_for_as() {
+    let folder = Folder::new();
+    for (factor, std, is_identified) in [(0.2, 0.05, true), (0.2, 0.25, false), (4.0, 1.0, true)] {
+        folder.report(&json!([blamed("cable-stretch", Some("elbow"), &[("factor", factor, std, "1")])]));
+        folder.identify("--add-effect cable-stretch --diagnosis {report.json} --robot {robot.yaml} -o {new.yaml}").unwrap();
+        let robot = folder.robot("new.yaml");
+        let line = robot.calibration.iter().find(|line| line.key == "joints.elbow.cable.stiffness").unwrap();
+        assert_eq!(line.identified, is_identified, "{line:?}");
+        assert_relative_eq!(line.std, 88_000.0 * std, max_relative = 1e-2);
+        assert_relative_eq!(line.prior_std, 88_000.0 * factor * 1.4, max_relative = 1e-2);
+    }
 }

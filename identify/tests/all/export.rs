@@ -196,14 +196,61 @@ fn a_base_that_cannot_be_kept_is_refused() {
         std::fs::write(folder.path("base.yaml"), base).unwrap();
         folder.export("r2params", Some("base.yaml"), "new.yaml").unwrap_err()
     };
-    assert!(refused("tr_gold: [1.0]\nx: 1\ntr_gold: [2.0]\n").contains("tr_gold"));
-    assert!(refused("{gains_gold_kp: [1.0], tr_gold: [2.0]}\n").contains("base.yaml"));
+    assert!(refused(&format!("{BASE}tr_gold: [1.0]\nx: 1\ntr_gold: [2.0]\n")).contains("tr_gold"));
+    let flow = "{gains_gold_kp: [1.0], gains_gold_kd: [1.0], gains_gold_ki: [1.0], tr_gold: [2.0]}\n";
+    assert!(refused(flow).contains("base.yaml"));
+    for (base, lacks) in [
+        (String::new(), "it lacks gains_gold_kp, gains_gold_kd, gains_gold_ki, lists"),
+        ("tr_gold: [2.0]\n".to_owned(), "it lacks gains_gold_kp, gains_gold_kd, gains_gold_ki, lists"),
+        (BASE.replace("gains_gold_kd", "gains_green_kd"), "it lacks gains_gold_kd, lists"),
+        (BASE.replace("[.008, .008, .012, .00, .001, 0.0, 0.0, 0.0]", "0.5"), "it lacks gains_gold_kd, lists"),
+    ] {
+        let error = refused(&base);
+        assert!(error.contains("base.yaml") && error.contains(lacks), "{error}");
+    }
     assert!(refused("- a list\n").contains("base.yaml"));
     let ours = folder.export("r2params", Some("identified.yaml"), "new.yaml").unwrap_err();
     assert!(ours.contains("identified.yaml: `format` stands in it as in a robot file; --base is the controller's own"), "{ours}");
     assert!(folder.export("r2params", None, "new.yaml").unwrap_err().contains("--base"));
     assert!(folder.export("defines", Some("r2params.yaml"), "new.h").unwrap_err().contains("--base"));
     assert!(!folder.path("new.yaml").exists());
+}
+
+/// What was not identified is written as the base has it, or else as the controller compiles it in, and the robot file must not differ.
+#[test]
+fn what_was_not_identified_stays_in_the_labs_file() {
+    let export = |robot: &Robot, base: &str| {
+        let folder = Folder::new(robot);
+        std::fs::write(folder.path("base.yaml"), base).unwrap();
+        folder.export("r2params", Some("base.yaml"), "new.yaml")
+    };
+    let mut robot = nominal::gold();
+    change(&mut robot, "r_l1", "joints.shoulder.link_pulley_radius", 0.059);
+    let text = export(&robot, BASE).unwrap();
+    assert!(text.contains("# r_l1 by raven-identify from sinusoid.mcap, the rest as before\n"), "{text}");
+    assert!(text.contains("cable_coupling_gold: [0.14545, 0.0077973826, 0.008077387]  # as before\n"), "{text}");
+
+    // The lab rounds, and has another tool.
+    let lists = "tr_gold: [1.0, 121.52, 2158.6, 0.0, 5.0, 9.0, 9.0, 9.0]\ncable_coupling_gold: [0.1454, 0.0078, 0.00808]\n";
+    let own = format!("{BASE}{lists}");
+    let text = export(&robot, &own).unwrap();
+    assert!(text.contains(", 121.52, 2158.6, 0.0, 5.0, 9.0, 9.0, 9.0]") && !text.contains("tr_gold: [1.0"), "{text}");
+    assert!(text.contains("cable_coupling_gold: [0.1454, 0.0078, 0.00808]  # as before\n"), "{text}");
+
+    for (key, value) in
+        [("joints.elbow.link_pulley_radius", 0.0498), ("cable_coupling.shoulder.elbow", 0.2), ("joints.insertion.hard_stop", 0.55)]
+    {
+        let mut edited = robot.clone();
+        *edited.value_mut(key).unwrap() = value;
+        for base in [BASE, own.as_str()] {
+            let error = export(&edited, base).unwrap_err();
+            assert!(error.contains("base.yaml") && error.contains(&format!("{key}, which was not identified")), "{error}");
+        }
+    }
+    // A lab whose controller has it may say so.
+    *robot.value_mut("cable_coupling.shoulder.elbow").unwrap() = 0.2;
+    let text = export(&robot, &format!("{BASE}cable_coupling_gold: [0.2, 0.0077973826, 0.008077387]\n")).unwrap();
+    assert!(text.contains("cable_coupling_gold: [0.2, 0.0077973826, 0.008077387]  # as before\n"), "{text}");
 }
 
 /// The part of the controller's constants that the header touches: names and values as in `defines.h`, gold standing for green.
@@ -287,6 +334,7 @@ fn the_header_compiles_alone() {
 #[test]
 fn the_green_arm_has_its_own_names() {
     let folder = Folder::new(&identified("green"));
+    std::fs::write(folder.path("r2params.yaml"), BASE.replace("gold", "green")).unwrap();
     let text = folder.export("r2params", Some("r2params.yaml"), "new.yaml").unwrap();
     assert!(["\ntr_green: [", "\ncable_coupling_green: [", "\nmax_position_green: ["].iter().all(|key| text.contains(key)), "{text}");
     assert!(folder.export("rosparam", None, "neutral.yaml").unwrap().contains("  green:\n"));
@@ -338,7 +386,13 @@ fn what_the_data_did_not_identify_is_refused() {
     assert!(flag.contains("r_l1") && flag.contains("not identified"), "{flag}");
     let wide = refused(&|robot| robot.calibration[0].std = 0.6 * robot.calibration[0].prior_std);
     assert!(wide.contains("r_l1") && wide.contains("not identified"), "{wide}");
-    assert!(refused(&|robot| robot.calibration[0].std = f64::NAN).contains("r_l1"));
+    for wrong in [f64::NAN, -1.0, f64::INFINITY] {
+        let std = refused(&|robot| robot.calibration[0].std = wrong);
+        assert!(std.contains("calibration has std: ") && std.contains("r_l1") && std.contains("no standard deviation"), "{std}");
+        assert!(refused(&|robot| robot.calibration[0].prior_std = wrong).contains("calibration has prior_std: "));
+    }
+    let typed = refused(&|robot| (robot.calibration[0].identified, robot.calibration[0].std) = (false, 0.0));
+    assert!(typed.contains("r_l1") && typed.contains("it was typed by hand and not identified, yet it is 0.059"), "{typed}");
     assert!(refused(&|robot| robot.joints[0].link_pulley_radius = 0.06).contains("its calibration found 0.059"));
     assert!(refused(&|robot| robot.calibration.clear()).contains("it has no calibration"));
     let nothing = refused(&|robot| {
@@ -348,6 +402,37 @@ fn what_the_data_did_not_identify_is_refused() {
         robot.calibration.push(entry);
     });
     assert!(nothing.contains("nothing to export") && nothing.contains("100 %"), "{nothing}");
+}
+
+/// A log that says nothing of a number leaves what a log before it found.
+#[test]
+fn what_a_log_before_determined_is_exported() {
+    let mut robot = identified("gold");
+    let mut again = provenance("r_l1", "joints.shoulder.link_pulley_radius", 0.059, 0.059);
+    (again.identified, again.std) = (false, again.prior_std);
+    robot.calibration.insert(0, again);
+    let folder = Folder::new(&robot);
+    let header = folder.export("defines", None, "new.h").unwrap();
+    assert!(header.contains("/* r_l1: 0.059 +- "), "{header}");
+    folder.export("r2params", Some("r2params.yaml"), "new.yaml").unwrap();
+}
+
+/// What a model cannot explain is said wherever its numbers go.
+#[test]
+fn exports_say_how_badly_the_model_explained_the_log() {
+    let mut robot = identified("gold");
+    for entry in &mut robot.calibration[..2] {
+        entry.method = "batch; the residuals are 18.9 times what */ says.".to_owned();
+    }
+    let folder = Folder::new(&robot);
+    let said = "r_l1, r_l2: the residuals are 18.9 times what";
+    let header = folder.export("defines", None, "new.h").unwrap();
+    assert!(header.contains(&format!("\n * {said} * / says.\n")), "{header}");
+    let neutral = folder.export("rosparam", None, "new.yaml").unwrap();
+    assert!(neutral.contains(&format!("\n# {said} */ says.\n")), "{neutral}");
+    let own = folder.export("r2params", Some("r2params.yaml"), "own.yaml").unwrap();
+    let line = own.lines().find(|line| line.starts_with("tr_gold: ")).unwrap();
+    assert!(line.ends_with(&format!("# r_l1, r_l2, r_l3 by raven-identify from sinusoid.mcap; {said} */ says.")), "{line}");
 }
 
 #[test]

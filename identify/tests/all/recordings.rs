@@ -57,7 +57,7 @@ impl Script {
         truth.observation.latency = 0.04;
         let time_s: Vec<f64> = (0..(self.duration_s * 200.0) as usize).map(|i| i as f64 / 200.0).collect();
         let angle: Vec<Vector3<f64>> = time_s.iter().map(|&t| transmission.motor_from_joint(&(self.path)(t))).collect();
-        let mut log = LogWriter::create(file).unwrap();
+        let mut log = LogWriter::computed(file).unwrap();
         for (&t, angle) in time_s.iter().zip(&angle).filter(|(t, _)| (self.robot)(**t)) {
             log.joint_states(topics::MOTOR_JOINT_STATES, START.plus_seconds(t), &NAMES, angle.as_slice(), None).unwrap();
         }
@@ -156,6 +156,22 @@ fn a_recording_becomes_a_table_a_result_and_a_robot_file() {
     let once = std::fs::read(folder.path("new.yaml")).unwrap();
     folder.run(&arguments).unwrap();
     assert_eq!(std::fs::read(folder.path("new.yaml")).unwrap(), once);
+}
+
+/// A reader of the file alone must know, too.
+#[test]
+fn a_misfit_stands_in_the_robot_file() {
+    let folder = Folder::new();
+    for (script, is_misfit) in [(Script::good(), false), (Script { tip: |_, tip| tip.covariance_m2 *= 0.1, ..Script::good() }, true)] {
+        script.write(&folder.path("log.mcap"));
+        folder.run(&["log.mcap", "--robot", "robot.yaml", "-o", "new.yaml"]).unwrap();
+        let robot = Robot::read(&folder.path("new.yaml")).unwrap();
+        for entry in &robot.calibration {
+            let said = entry.method.strip_prefix("batch").unwrap();
+            assert!(if is_misfit { said.starts_with("; the residuals are ") } else { said.is_empty() }, "{}", entry.method);
+        }
+        std::fs::remove_file(folder.path("log.mcap")).unwrap();
+    }
 }
 
 #[test]

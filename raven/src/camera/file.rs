@@ -1,10 +1,12 @@
 //! `cameras.yaml`: two ROS `camera_info` blocks, the poses between them and the robot, and the quality of the calibration.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::{Cameras, Pinhole};
 use crate::files::{self, yaml_float, yaml_list};
@@ -54,6 +56,39 @@ struct CamerasFile {
     quality: Quality,
 }
 
+/// The keys of a file and of its quality, whatever they hold.
+#[derive(Deserialize)]
+struct Keys {
+    #[serde(flatten)]
+    all: BTreeMap<String, IgnoredAny>,
+    #[serde(default)]
+    quality: BTreeMap<String, IgnoredAny>,
+}
+
+/// Keys that may be left out.
+const OPTIONAL: [&str; 4] = ["base_from_left", "latency", "right_minus_left", "quality"];
+/// Letters in which a mistyped key differs at most.
+const MISTYPED: usize = 2;
+
+impl Keys {
+    /// Refuses what may be a mistyped key: it would be as if that were left out. Others may be of some other program.
+    fn check(&self) -> Result<(), String> {
+        let of_quality = Quality::default();
+        let numbers: Vec<&str> =
+            of_quality.numbers().map(|(key, _)| key).into_iter().chain(of_quality.lists().map(|(key, _)| key)).collect();
+        let mistyped = |keys: &BTreeMap<String, IgnoredAny>, known: &[&str]| {
+            let unknown = keys.keys().filter(|key| !known.contains(&key.as_str()));
+            let near =
+                |key: &String| known.iter().find(|known| strsim::levenshtein(key, known) <= MISTYPED).map(|known| (*known).to_owned());
+            unknown.filter_map(|key| Some((key.clone(), near(key)?))).next()
+        };
+        match mistyped(&self.all, &OPTIONAL).or_else(|| mistyped(&self.quality, &numbers)) {
+            Some((key, known)) => Err(format!("`{key}` is no key of this file; is it `{known}`?")),
+            None => Ok(()),
+        }
+    }
+}
+
 #[derive(Deserialize)]
 struct CameraInfo {
     image_width: u32,
@@ -69,6 +104,7 @@ struct Array {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Pose {
     rotation: Vec<f64>,
     translation: Vec<f64>,
@@ -78,7 +114,8 @@ impl Cameras {
     /// Reads `cameras.yaml`.
     ///
     /// # Errors
-    /// If the file is missing, lacks a block, or has a matrix of the wrong size or one that is no rotation.
+    /// If the file is missing, lacks a block, or has a mistyped key, a matrix of the wrong size or one that is no rotation,
+    /// or a number that no cameras have.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(path, &files::read_text(path)?)
     }
@@ -104,13 +141,15 @@ impl Cameras {
                     return Err(format!("{key} is {seconds}, expected seconds. Is it in milliseconds?"));
                 }
             }
+            file.quality.check()?;
             let baseline = cameras.baseline_m();
             if !(1e-4..5.0).contains(&baseline) {
                 return Err(format!("the baseline in right_from_left is {baseline}, expected 0.0001 to 5 m. Is it in millimetres?"));
             }
             Ok(cameras)
         };
-        build().map_err(|message| Error::file(path, message))
+        let checked = |cameras| files::parse_yaml::<Keys>(path, text).map_or(Ok(()), |keys| keys.check()).map(|()| cameras);
+        build().and_then(checked).map_err(|message| Error::file(path, message))
     }
 
     /// Writes `cameras.yaml` in one step.
@@ -144,9 +183,9 @@ impl Cameras {
 }
 
 impl Quality {
-    fn to_yaml(self) -> String {
-        let mut lines = String::new();
-        for (key, value) in [
+    /// Keys and values of the single numbers.
+    fn numbers(&self) -> [(&'static str, Option<f64>); 7] {
+        [
             ("left_rms_px", self.left_rms_px),
             ("right_rms_px", self.right_rms_px),
             ("stereo_rms_px", self.stereo_rms_px),
@@ -154,22 +193,44 @@ impl Quality {
             ("latency_std_s", self.latency_std_s),
             ("right_minus_left_std_s", self.right_minus_left_std_s),
             ("disparity_std_px", self.disparity_std_px),
-        ] {
+        ]
+    }
+
+    /// Keys and values of the lists.
+    fn lists(&self) -> [(&'static str, Option<&[f64]>); 4] {
+        [
+            ("left_std", self.left_std.as_ref().map(|std| std.as_slice())),
+            ("right_std", self.right_std.as_ref().map(|std| std.as_slice())),
+            ("registration_rotation_std_rad", self.registration_rotation_std_rad.as_ref().map(|std| std.as_slice())),
+            ("registration_translation_std_m", self.registration_translation_std_m.as_ref().map(|std| std.as_slice())),
+        ]
+    }
+
+    /// Refuses what is no deviation.
+    fn check(&self) -> Result<(), String> {
+        let single = self.numbers().into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?)));
+        let listed = self.lists().into_iter().flat_map(|(key, values)| {
+            let values = values.unwrap_or_default().iter().enumerate();
+            values.map(move |(i, &value)| (format!("{key}[{i}]"), value))
+        });
+        match single.chain(listed).find(|(_, value)| !value.is_finite() || *value < 0.0) {
+            Some((key, value)) => {
+                Err(format!("quality.{key} is {value}, expected a finite number from 0 on; leave out what is not known."))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn to_yaml(self) -> String {
+        let mut lines = String::new();
+        for (key, value) in self.numbers() {
             if let Some(value) = value {
                 let _ = writeln!(lines, "  {key}: {}", yaml_float(value));
             }
         }
-        for (key, values) in [("left_std", self.left_std), ("right_std", self.right_std)] {
+        for (key, values) in self.lists() {
             if let Some(values) = values {
-                let _ = writeln!(lines, "  {key}: {}", yaml_list(&values));
-            }
-        }
-        for (key, values) in [
-            ("registration_rotation_std_rad", self.registration_rotation_std_rad),
-            ("registration_translation_std_m", self.registration_translation_std_m),
-        ] {
-            if let Some(values) = values {
-                let _ = writeln!(lines, "  {key}: {}", yaml_list(&values));
+                let _ = writeln!(lines, "  {key}: {}", yaml_list(values));
             }
         }
         if lines.is_empty() { lines } else { format!("quality:\n{lines}") }

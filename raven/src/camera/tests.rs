@@ -46,10 +46,77 @@ fn the_file_reads_back_as_it_was_written() {
     assert_relative_eq!(back.base_from_left.unwrap(), pair().base_from_left.unwrap(), epsilon = 1e-12);
 }
 
+/// With everything that is known of a calibration.
+fn full() -> Quality {
+    Quality {
+        left_rms_px: Some(0.19),
+        right_rms_px: Some(0.2),
+        stereo_rms_px: Some(0.22),
+        left_std: Some([0.5, 0.5, 1.0, 1.0]),
+        right_std: Some([0.6, 0.6, 1.1, 1.1]),
+        baseline_std_m: Some(2e-6),
+        registration_rotation_std_rad: Some([0.01, 0.02, 0.0]),
+        registration_translation_std_m: Some([1e-3, 2e-3, 3e-3]),
+        latency_std_s: Some(1e-3),
+        right_minus_left_std_s: Some(2e-4),
+        disparity_std_px: Some(0.03),
+    }
+}
+
+fn parse(text: &str) -> crate::Result<Cameras> {
+    Cameras::parse(std::path::Path::new("cameras.yaml"), text)
+}
+
+#[test]
+fn every_key_that_is_written_is_read() {
+    let cameras = Cameras { quality: full(), ..pair() };
+    assert_eq!(parse(&cameras.to_yaml()).unwrap().quality, full());
+    // Of ROS's keys, those that nothing is computed with may be missing.
+    let unused = ["camera_name", "rectification_matrix", "projection_matrix"];
+    let text = cameras.to_yaml().replace("rows: 3, cols: 3, ", "");
+    let used: Vec<&str> = text.lines().filter(|line| !unused.iter().any(|key| line.contains(key))).collect();
+    assert_eq!(parse(&used.join("\n")).unwrap().left, webcam());
+}
+
+#[test]
+fn a_mistyped_key_is_named_and_another_programs_is_not() {
+    let good = Cameras { quality: full(), ..pair() }.to_yaml();
+    for (key, wrong) in [
+        ("latency:", "latncy"),
+        ("right_minus_left:", "right_minus_lft"),
+        ("base_from_left:", "base_from_lft"),
+        ("registration_translation_std_m:", "registraton_translation_std_m"),
+        ("translation:", "translaton"),
+    ] {
+        assert!(good.contains(key), "{key}");
+        let error = parse(&good.replacen(key, &format!("{wrong}:"), 1)).expect_err(wrong).to_string();
+        assert!(error.starts_with("cameras.yaml: ") && error.contains(&format!("`{wrong}`")) && !error.contains('\n'), "{error}");
+    }
+    assert!(parse(&format!("{good}  rms: 0.2\nroom: 12\n")).is_ok());
+}
+
+#[test]
+fn a_quality_that_is_no_deviation_is_named() {
+    let good = Cameras { quality: full(), ..pair() }.to_yaml();
+    let (before, quality) = good.split_once("quality:\n").unwrap();
+    assert_eq!(quality.lines().count(), 11);
+    for line in quality.lines() {
+        let (key, value) = line.trim().split_once(": ").unwrap();
+        for (wrong, shown) in [("-1.0", "-1"), (".nan", "NaN"), (".inf", "inf")] {
+            let (value, place) = match value.rsplit_once(", ") {
+                Some((first, _)) => (format!("{first}, {wrong}]"), format!("[{}]", first.matches(',').count() + 1)),
+                None => (wrong.to_owned(), String::new()),
+            };
+            let error = parse(&format!("{before}quality: {{{key}: {value}}}\n")).expect_err(key).to_string();
+            assert!(error.contains(&format!("cameras.yaml: quality.{key}{place} is {shown}, expected")), "{error}");
+        }
+    }
+}
+
 #[test]
 fn millimetres_and_mirrors_are_named() {
     let good = pair().to_yaml();
-    let fails = |text: &str| Cameras::parse(std::path::Path::new("cameras.yaml"), text).unwrap_err().to_string();
+    let fails = |text: &str| parse(text).unwrap_err().to_string();
     assert!(fails(&good.replace("translation: [-0.048", "translation: [-48.0")).contains("millimetres"));
     assert!(fails(&good.replace("plumb_bob", "equidistant")).contains("equidistant"));
     let start = good.find("right_from_left").unwrap();

@@ -6,13 +6,18 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::{Cameras, Pinhole};
 use crate::log::Recording;
+use crate::robot::Robot;
 use crate::{Error, Result, cli};
 
 /// Name of the cameras' file in a tracked recording.
 const ATTACHED: &str = "cameras.yaml";
-/// Two calibrations of the same cameras put a point nearer than this in their images [px] and before the robot [m].
+/// Two calibrations of the same cameras put a point nearer than this in their images [px] and before the robot [m], and their images nearer in
+/// time [s].
 const SAME_PX: f64 = 1.0;
 const SAME_M: f64 = 1e-3;
+const SAME_S: f64 = 1e-3;
+/// A latency that is no rest of another [s].
+const LATENCY_S: f64 = 5e-3;
 /// Where points are compared: at so many baselines before the left camera, and at parts of its image.
 const BASELINES: f64 = 8.0;
 const PARTS: [f64; 3] = [0.1, 0.5, 0.9];
@@ -35,6 +40,29 @@ impl Cameras {
             sentence.iter().for_each(|sentence| cli::warn(sentence));
         }
         Ok(())
+    }
+
+    /// Warns where a robot file takes a latency out of the tips of `log` that the cameras it was tracked with have taken out already.
+    pub fn warn_if_latency_counts_twice(robot: &Robot, recording: &Recording) {
+        let tracked = Self::of_tracked(recording);
+        if let Some(sentence) = tracked.and_then(|tracked| tracked.latency_beside(robot, &recording.path)) {
+            cli::warn(&sentence);
+        }
+    }
+
+    /// A sentence where both these cameras, with which `log` was tracked, and a robot file have a latency of the same kind.
+    fn latency_beside(&self, robot: &Robot, log: &Path) -> Option<String> {
+        let [own, of_robot] = [self.latency_s, robot.observation.latency];
+        (own.abs().min(of_robot.abs()) > LATENCY_S && own * of_robot > 0.0).then(|| {
+            format!(
+                "{} was tracked with a latency of {:.1} ms, and observation.latency of robot `{}` takes another {:.1} ms out of its tips. If both \
+                 are the same, set the robot file's to 0 or identify it anew from this log.",
+                log.display(),
+                1e3 * own,
+                robot.name,
+                1e3 * of_robot
+            )
+        })
     }
 
     /// A sentence where these cameras, which came from `path`, see things elsewhere than those that `log` was tracked with.
@@ -64,7 +92,13 @@ impl Cameras {
                 off_m = off_m.max((own * point - theirs * point).norm());
             }
         }
-        let differences = [(off_px > SAME_PX, format!("{off_px:.1} px")), (off_m > SAME_M, format!("{:.1} mm in frame 0", 1e3 * off_m))];
+        let late_s = [self.latency_s - tracked.latency_s, self.right_minus_left_s - tracked.right_minus_left_s];
+        let late_s = late_s.iter().fold(0.0, |most: f64, late| most.max(late.abs()));
+        let differences = [
+            (off_px > SAME_PX, format!("{off_px:.1} px")),
+            (off_m > SAME_M, format!("{:.1} mm in frame 0", 1e3 * off_m)),
+            (late_s > SAME_S, format!("{:.1} ms", 1e3 * late_s)),
+        ];
         let differences: Vec<String> = differences.into_iter().filter_map(|(is_material, words)| is_material.then_some(words)).collect();
         Ok((!differences.is_empty()).then(|| {
             format!(
@@ -90,6 +124,7 @@ mod tests {
 
     use super::super::tests::pair;
     use super::*;
+    use crate::robot::nominal;
 
     #[test]
     fn other_cameras_are_told_from_the_same_calibrated_again() {
@@ -109,9 +144,26 @@ mod tests {
         bumped.base_from_left = cameras.base_from_left.map(|pose| Translation3::new(0.0, 0.0, 3e-3) * pose);
         let sentence = said(&bumped).unwrap().unwrap();
         assert!(sentence.contains("by up to 3.0 mm in frame 0;"), "{sentence}");
+        let mut late = cameras.clone();
+        late.latency_s += 0.0159;
+        let sentence = said(&late).unwrap().unwrap();
+        assert!(sentence.contains("by up to 15.9 ms;"), "{sentence}");
         let mut larger = cameras.clone();
         (larger.right.width, larger.right.height) = (1280, 720);
         let error = said(&larger).unwrap_err();
         assert!(["c.yaml", "right.image_width", "a.mcap", "of 1280 x 720"].iter().all(|words| error.contains(words)), "{error}");
+    }
+
+    #[test]
+    fn a_latency_that_was_taken_out_already_is_told() {
+        let (cameras, mut robot) = (pair(), nominal::gold());
+        let mut said = |latency_s: f64| {
+            robot.observation.latency = latency_s;
+            cameras.latency_beside(&robot, Path::new("a.mcap"))
+        };
+        let sentence = said(0.0155).unwrap();
+        assert!(["a.mcap", "20.0 ms", "15.5 ms", "observation.latency"].iter().all(|words| sentence.contains(words)), "{sentence}");
+        // What the first has left, and none.
+        assert_eq!([0.001, -0.001, 0.0].map(said), [None, None, None]);
     }
 }

@@ -13,9 +13,7 @@ use nalgebra::Vector3;
 use super::torque::Shafts;
 use super::{Model, Shaft};
 use crate::Result;
-use crate::robot::{
-    Cable, Hysteresis, JointType, MotorTrack, PAUSE_MAX_S, Transmission, ViscousCoulomb, behind_hysteresis, stiction_speed,
-};
+use crate::robot::{Cable, Hysteresis, Joint, JointType, MotorTrack, PAUSE_MAX_S, Transmission, ViscousCoulomb, behind_hysteresis};
 use crate::robot::{Cables, wound_by};
 
 /// How the links move about one time.
@@ -67,10 +65,7 @@ impl<'a> BenchModel<'a> {
             let slides = joint(j).is_some_and(|joint| joint.kind == JointType::Prismatic);
             robot.links.get(j).map_or(0.0, |link| if slides { link.mass } else { link.inertia[2] })
         };
-        let rubbing_from = |j: usize| {
-            let own = joint(j).and_then(|joint| joint.link_friction?.stiction_speed);
-            own.unwrap_or_else(|| joint(j).map_or(1.0, |joint| stiction_speed(joint.kind)))
-        };
+        let rubbing_from = |j: usize| joint(j).map_or(1.0, Joint::stiction_speed);
         Ok(Self {
             model,
             transmission: robot.bench_transmission()?,

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::op;
 
-use super::writer::{LogWriter, Place, fault};
+use super::writer::{LIBRARY, LogWriter, Place, fault};
 use crate::{Error, Result, files};
 
 /// The name of a log until it is complete.
@@ -40,7 +40,7 @@ impl LogWriter {
                 "this recording is under way or was cut off; save it with `raven-capture check FILE --recover -o OUT.mcap`, then remove it.",
             )
         })?;
-        Self::start(path, "", Place::Active(active), file)
+        Self::start(path, "", LIBRARY, Place::Active(active), file)
     }
 
     /// Ends the chunk and hands everything written so far to the operating system, which keeps it if this program is killed. Returns the bytes

@@ -146,7 +146,10 @@ impl CameraFrame {
     pub fn is_truncated(&self) -> bool {
         match &self.data {
             FrameData::Jpeg(bytes) => jpeg::is_truncated_jpeg(bytes),
-            FrameData::Raw { step, height, data, .. } => (data.len() as u64) < u64::from(*step) * u64::from(*height),
+            FrameData::Raw { encoding, width, height, step, data } => {
+                let row_bytes = Layout::named(encoding).map_or(*step as usize, |layout| *width as usize * layout.bytes_per_pixel());
+                data.len() < raw_bytes(row_bytes, *step as usize, *height as usize)
+            }
         }
     }
 
@@ -182,7 +185,7 @@ impl CameraFrame {
             return Err(self.bad(&format!("its width {width} is odd, which `{encoding}` cannot be")));
         }
         let (row_bytes, step, rows) = (*width as usize * layout.bytes_per_pixel(), *step as usize, *height as usize);
-        if step < row_bytes || data.len() < step * (rows - 1) + row_bytes {
+        if step < row_bytes || data.len() < raw_bytes(row_bytes, step, rows) {
             return Err(self.bad(&format!("{width} x {height} pixels of `{encoding}` do not fit {} bytes in rows of {step}", data.len())));
         }
         Ok(Raster { layout, width: *width, height: *height, rows: data.chunks(step), row_bytes })
@@ -191,6 +194,11 @@ impl CameraFrame {
     fn bad(&self, what: &str) -> Error {
         Error::Data(format!("the {} frame at {}: {what}.", self.side.name(), self.stamp))
     }
+}
+
+/// Bytes that so many rows take at least: what pads rows may be missing after the last.
+fn raw_bytes(row_bytes: usize, step: usize, rows: usize) -> usize {
+    step.saturating_mul(rows.saturating_sub(1)).saturating_add(row_bytes.min(step))
 }
 
 impl Raster<'_> {

@@ -202,7 +202,7 @@ impl<'s> Reader<'s> {
             Item::Attachment(attachment) => {
                 self.attachments.insert(attachment.name, attachment.data);
             }
-            Item::Start(_) => {}
+            Item::Start { .. } => {}
             Item::Metadata(name, pairs) => {
                 if name == "session" {
                     self.session.extend(pairs);

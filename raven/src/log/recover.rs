@@ -31,11 +31,11 @@ pub fn recover(input: &Path, output: &Path) -> Result<Recovery> {
     walker.run(|item| {
         let log = match (&mut writer, &item) {
             (Some(log), _) => log,
-            (None, Item::Start(profile)) => writer.insert(LogWriter::with_profile(output, profile)?),
+            (None, Item::Start { profile, .. }) => writer.insert(LogWriter::with_profile(output, profile)?),
             (None, _) => writer.insert(LogWriter::create(output)?),
         };
         match item {
-            Item::Start(_) => Ok(()),
+            Item::Start { .. } => Ok(()),
             Item::Channel(channel) => {
                 ids.insert(channel.id, log.copy_channel(channel)?);
                 Ok(())

@@ -117,7 +117,7 @@ impl Survey {
         let mut attachments = Vec::new();
         walker.run(|item| {
             match item {
-                Item::Start(_) => {}
+                Item::Start { .. } => {}
                 Item::Channel(channel) => {
                     channels.insert(channel.id, Reading::new(channel));
                     streams.entry(channel.topic.clone()).or_insert_with(|| Stream::new(channel));

@@ -60,8 +60,13 @@ pub struct Attachment {
 /// What a walk comes upon.
 #[derive(Debug)]
 pub enum Item<'a> {
-    /// The start of the file, with its profile: `ros1` or nothing.
-    Start(String),
+    /// The start of the file.
+    Start {
+        /// `ros1` or nothing.
+        profile: String,
+        /// What wrote it.
+        library: String,
+    },
     /// A topic, before its first message.
     Channel(&'a Arc<Channel>),
     /// A message.
@@ -257,7 +262,7 @@ impl Walker {
             _ if self.past_data => {}
             op::CHUNK => return read_records(&mut self.buffer.as_slice(), true, &mut self.known, visit),
             op::HEADER => match mcap::parse_record(opcode, body) {
-                Ok(Record::Header(header)) => visit(Item::Start(header.profile))?,
+                Ok(Record::Header(header)) => visit(Item::Start { profile: header.profile, library: header.library })?,
                 Ok(_) => {}
                 Err(fault) => return Ok(Err(fault)),
             },

@@ -10,10 +10,12 @@ use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 
 use super::robot_state::{RAVEN_STATE_DEFINITION, RAVEN_STATE_TYPE, RavenState};
-use super::{Attachment, Channel, RawMessage, Stamp, live, topics};
+use super::{Attachment, Channel, Item, RawMessage, Stamp, Walker, live, topics};
 use crate::{Error, Result, files};
 
-const LIBRARY: &str = concat!("raven-cal ", env!("CARGO_PKG_VERSION"));
+pub(super) const LIBRARY: &str = concat!("raven-cal ", env!("CARGO_PKG_VERSION"));
+/// What follows in a log that can be computed again.
+const COMPUTED: &str = ", computed";
 /// MD5 of [`RAVEN_STATE_DEFINITION`], by which ROS tells versions of a message apart.
 const RAVEN_STATE_MD5: &str = "ce9e7f4969049d8bb365de3c98461a01";
 
@@ -72,9 +74,25 @@ impl LogWriter {
     /// Starts a log that will be called `path`.
     ///
     /// # Errors
-    /// If the folder does not exist or cannot be written to.
+    /// If the folder does not exist or cannot be written to, or there is a file.
     pub fn create(path: &Path) -> Result<Self> {
         Self::with_profile(path, "")
+    }
+
+    /// Starts a log that can be computed again, which the next of its name may replace.
+    ///
+    /// # Errors
+    /// If the folder does not exist or cannot be written to, or there is a file that was not computed.
+    pub fn computed(path: &Path) -> Result<Self> {
+        if holds_something(path) {
+            if !files::is_recording(path) {
+                return Err(Error::file(path, "this file is no recording and would be lost; choose another name."));
+            }
+            if !is_computed(path) {
+                files::unused(path)?;
+            }
+        }
+        Self::temporary(path, "", &format!("{LIBRARY}{COMPUTED}"))
     }
 
     /// Starts a log with a profile, as in `ros1`: a promise that every message is in that system's encoding.
@@ -82,18 +100,22 @@ impl LogWriter {
     /// # Errors
     /// Those of [`LogWriter::create`].
     pub fn with_profile(path: &Path, profile: &str) -> Result<Self> {
-        if path.metadata().is_ok_and(|there| there.len() > 0) && !files::is_recording(path) {
-            return Err(Error::file(path, "this file is no recording and would be lost; choose another name."));
+        if holds_something(path) {
+            files::unused(path)?;
         }
-        let temporary = files::temporary_beside(path)?;
-        let file = temporary.as_file().try_clone().map_err(|e| Error::io(path, "write", e))?;
-        Self::start(path, profile, Place::Temporary(temporary), file)
+        Self::temporary(path, profile, LIBRARY)
     }
 
-    pub(super) fn start(path: &Path, profile: &str, place: Place, file: File) -> Result<Self> {
+    fn temporary(path: &Path, profile: &str, library: &str) -> Result<Self> {
+        let temporary = files::temporary_beside(path)?;
+        let file = temporary.as_file().try_clone().map_err(|e| Error::io(path, "write", e))?;
+        Self::start(path, profile, library, Place::Temporary(temporary), file)
+    }
+
+    pub(super) fn start(path: &Path, profile: &str, library: &str, place: Place, file: File) -> Result<Self> {
         // More threads make compression slower: the work per chunk is too small to share. Chunks written whole leave no file whose last chunk
         // has no length yet.
-        let options = WriteOptions::new().library(LIBRARY).profile(profile).compression_threads(0).disable_seeking(true);
+        let options = WriteOptions::new().library(library).profile(profile).compression_threads(0).disable_seeking(true);
         let out = BufWriter::with_capacity(1 << 18, file.try_clone().map_err(|e| Error::io(path, "write", e))?);
         let writer = options.create(NoSeek::new(out)).map_err(|e| fault(path, e))?;
         Ok(Self { path: path.to_owned(), writer, file, place, channels: HashMap::new(), last: Stamp(0) })
@@ -229,4 +251,20 @@ pub(super) fn fault(path: &Path, error: McapError) -> Error {
         McapError::Io(source) => Error::io(path, "write", source),
         other => Error::file(path, format!("the log cannot be written: {other}.")),
     }
+}
+
+fn holds_something(path: &Path) -> bool {
+    path.metadata().is_ok_and(|there| there.is_file() && there.len() > 0)
+}
+
+/// Whether a log says of itself that it can be computed again.
+fn is_computed(path: &Path) -> bool {
+    let mut computed = false;
+    let mut visit = |item: Item<'_>| {
+        if let Item::Start { library, .. } = item {
+            computed = library.starts_with("raven-cal") && library.ends_with(COMPUTED);
+        }
+        Ok(())
+    };
+    Walker::open(path).and_then(|mut walker| walker.step(&mut visit)).is_ok() && computed
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::link_model::stiction_speed;
 use super::{Cable, Hysteresis, Kinematics, Link, ListedEffect};
 use crate::{Error, Result, files};
 
@@ -136,6 +137,12 @@ impl Joint {
     #[must_use]
     pub fn ratio(&self) -> f64 {
         self.gear_ratio * self.link_pulley_radius / self.motor_capstan_radius
+    }
+
+    /// Speed below which its Coulomb friction fades [rad/s or m/s].
+    #[must_use]
+    pub fn stiction_speed(&self) -> f64 {
+        self.link_friction.and_then(|friction| friction.stiction_speed).unwrap_or_else(|| stiction_speed(self.kind))
     }
 
     /// Unit in which people read this joint, and how many of it make one SI unit.

@@ -269,7 +269,7 @@ impl Session {
     }
 
     fn create(&self, motion: Motion, path: &Path) -> Result<LogWriter> {
-        let mut log = LogWriter::create(path)?;
+        let mut log = LogWriter::computed(path)?;
         log.metadata("session", &self.metadata(motion))?;
         Ok(log)
     }

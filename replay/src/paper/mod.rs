@@ -18,8 +18,8 @@ use std::time::Instant;
 use raven::cli::{self, Outcome};
 use raven::filter::{BiasStates, Friction, Wander};
 use raven::log::Recording;
-use raven::robot::{Robot, nominal};
-use raven::{Error, Result, files};
+use raven::robot::Robot;
+use raven::{Result, files};
 use serde::Serialize;
 
 use crate::chain::{Chain, capture};
@@ -76,9 +76,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let started = Instant::now();
     let folder = &args.folder;
     let durations = if args.quick { &QUICK } else { &FULL };
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    files::write_atomic(&folder.join("robot.yaml"), nominal::GOLD_YAML.as_bytes())?;
-    let mut chain = Chain::new(folder, out);
+    let mut chain = Chain::begin(folder, out)?;
     let lab = format!("--hidden lab --effect {TURNED_RIG} --seed {}", args.seed);
     let mut record = |motion: &str, seconds: f64, more: &str| {
         let what = format!("simulate --robot {{robot.yaml}} --motion {motion} --duration {seconds} {lab} {more} -o {{{motion}.mcap}}");

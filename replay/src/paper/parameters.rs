@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use clap::Parser;
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 use serde::Serialize;
@@ -42,12 +41,9 @@ impl Parameters {
         let files = "--robot {robot.yaml} --cameras {cameras.yaml}";
         chain.say("Experiment A: parameters from a sinusoid")?;
         chain.step("raven-identify", identify, &format!("{{sinusoid.mcap}} {files} --parameters {SINUSOID} -o {{a.yaml}}"))?;
-        // The paper's recursive method with its traces, where this build of raven-identify has it.
-        let recursive =
-            format!("{{sinusoid.mcap}} {files} --method dual --parameters r_l1 --plot {{figure-parameters.svg}} -o {{dual.yaml}}");
-        if raven_identify::Args::try_parse_from(chain.typed("raven-identify", &recursive)).is_ok() {
-            chain.step("raven-identify", identify, &recursive)?;
-        }
+        // The paper's recursive method with its traces.
+        let traces = "--method dual --parameters r_l1 --plot {figure-parameters.svg} -o {dual.yaml}";
+        chain.step("raven-identify", identify, &format!("{{sinusoid.mcap}} {files} {traces}"))?;
         chain.say("Experiment B: cable parameters from a task motion")?;
         chain.step("raven-identify", identify, &format!("{{fls.mcap}} {files} --parameters {TASK} -o {{b.yaml}}"))?;
         let path = folder.join("truth.json");

@@ -6,12 +6,11 @@ use std::sync::LazyLock;
 use raven::cli::Outcome;
 use raven::log::Recording;
 use raven::robot::{Robot, nominal};
-use raven_replay::chain::{self, Chain, Program};
+use raven_replay::chain::{self, Program};
 
 /// Runs `name arguments`, `{file}` being in the folder.
 fn step(folder: &Path, name: &str, program: Program, arguments: &str) {
-    let mut nowhere = Vec::new();
-    let typed = Chain::new(folder, &mut nowhere).typed(name, arguments);
+    let typed = chain::typed(folder, name, arguments);
     let mut printed = Vec::new();
     let outcome = program(&typed, &mut printed).unwrap_or_else(|error| panic!("{typed:?}: {error}"));
     assert!(matches!(outcome, Outcome::Done), "{typed:?}");
@@ -128,9 +127,7 @@ fn replay_says_what_it_leaves_out() {
     let at = folder.path();
     step(at, "raven-identify", chain::identify, "--add-effect stereo-desync=0.01 --robot {robot.yaml} -o {new.yaml}");
     step(at, "raven-capture", chain::capture, "simulate --motion rich --duration 5 -o {log.mcap}");
-    let typed = ["raven-replay", "{log.mcap} --robot {new.yaml} --json {replay.json}"];
-    let mut nowhere = Vec::new();
-    let typed = Chain::new(at, &mut nowhere).typed(typed[0], typed[1]);
+    let typed = chain::typed(at, "raven-replay", "{log.mcap} --robot {new.yaml} --json {replay.json}");
     let mut printed = Vec::new();
     chain::replay(&typed, &mut printed).unwrap();
     let printed = String::from_utf8(printed).unwrap();

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use clap::Parser;
+use raven::camera::Cameras;
 use raven::cli::Outcome;
 use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Walker, topics};
 use raven::robot::nominal;
@@ -288,4 +289,17 @@ fn frames_are_paired_by_their_own_interval_however_long_the_motors_were_recorded
         let within_s = batches::pair_within_s(&recording);
         assert!((15.0 * within_s - 0.55).abs() < 0.02, "{within_s} s of {} s", recording.duration_s);
     }
+}
+
+#[test]
+fn frames_that_belong_together_come_together_from_batch_to_batch() {
+    let log = LAB.path().join("log.mcap");
+    let recording = Recording::read(&log, &MotorSource::default()).unwrap();
+    let cameras = Cameras::read(&cameras()).unwrap();
+    let (mut pairs, mut alone) = (0, 0);
+    let counts = batches::for_each_encoded(&log, &cameras, batches::pair_within_s(&recording), |step| {
+        *(if step.iter().all(Option::is_some) { &mut pairs } else { &mut alone }) += 1;
+    });
+    let [left, right] = counts.unwrap().frames;
+    assert!(pairs > 60 && pairs + 1 >= left.min(right), "{pairs} pairs, {alone} alone, of {left} and {right}");
 }

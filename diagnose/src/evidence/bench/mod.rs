@@ -8,7 +8,7 @@ mod tests;
 use nalgebra::Vector3;
 use raven::effects::{BenchModel, Channel, Driven, Measure, Model, Scope, Sited, Stage, Tension};
 use raven::log::Recording;
-use raven::robot::{Joint, Robot, stiction_speed};
+use raven::robot::{Joint, Robot};
 use raven::{Error, Result};
 
 use super::data::{STRIDE_S, WINDOW_S};
@@ -226,7 +226,7 @@ fn weights(robot: &Robot, recorded: &Recorded, model: &Vector3<f64>, creep: &Vec
         };
         let torque = |j: usize, _| {
             let Some(joint) = robot.joints.get(j).filter(|_| recorded.has[0] && surely_moving(j)) else { return 0.0 };
-            let slow = 1.0 / (1.0 + (driven.shaft.rate[j] / joint.ratio() / (SLOW * stiction_speed(joint.kind))).powi(2));
+            let slow = 1.0 / (1.0 + (driven.shaft.rate[j] / joint.ratio() / (SLOW * joint.stiction_speed())).powi(2));
             let friction = of_joint(j) * joint.motor_capstan_radius / joint.link_pulley_radius;
             let alike = (TORQUE_ALIKE_S / STRIDE_S).sqrt();
             if model[j] > 0.0 { 1.0 / model[j].hypot(NEAR_REST * friction * slow * alike) } else { 0.0 }

@@ -13,6 +13,7 @@ use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Measure, Model, Shaft, Stage, TipModel, TorqueModel};
 use raven::log::Recording;
+use raven::observation::TipCorrection;
 use raven::robot::{Arm, Joint, MotorTrack, Robot, Transmission};
 use raven::stats::median;
 
@@ -65,7 +66,10 @@ pub fn recorded(
     let seen_in_pixels = pixels_known(cameras, recordings);
     let mut tips = tip_channels(seen_in_pixels.is_some());
     for (recording, residuals) in recordings.iter().zip(residuals) {
-        let ninths = seen_in_pixels.map_or_else(Vec::new, |cameras| ninths(recording, &cameras.left, robot.observation.latency));
+        let ninths = match seen_in_pixels.zip(arm.as_ref()) {
+            Some((cameras, arm)) => ninths(recording, &cameras.left, &TipCorrection::of(robot, arm)?),
+            None => Vec::new(),
+        };
         for (j, (channel, residuals)) in joints.iter_mut().zip(&residuals.joints).enumerate() {
             channel.tracks.push(match &arm {
                 Some(arm) => joint_track(arm, &robot.joints[j], j, &recording.motor_track()?, residuals, &ninths),

@@ -7,6 +7,7 @@ use raven::Result;
 use raven::camera::{Cameras, Pinhole};
 use raven::effects::{Model, Stage, TipModel};
 use raven::log::{Recording, TipObservation, TipStatus};
+use raven::observation::TipCorrection;
 use raven::robot::Arm;
 
 use super::{Channel, Kind, Track, phase_factor};
@@ -40,10 +41,10 @@ pub(super) fn tip_channels(pixels: bool) -> Vec<Channel> {
 }
 
 /// When the left image showed the tip in which ninth of it [s, 0 to 8].
-pub(super) fn ninths(recording: &Recording, left: &Pinhole, latency_s: f64) -> Vec<(f64, f64)> {
+pub(super) fn ninths(recording: &Recording, left: &Pinhole, correction: &TipCorrection) -> Vec<(f64, f64)> {
     let third = |pixel: f64, size: u32| (3.0 * (pixel + 0.5) / f64::from(size)).floor().clamp(0.0, 2.0);
     let ninth = |tip: &TipObservation| third(tip.left_px[0], left.width) + 3.0 * third(tip.left_px[1], left.height);
-    seen(recording).map(|tip| (tip.stamp.seconds_since(recording.start) - latency_s, ninth(tip))).collect()
+    seen(recording).map(|tip| (correction.shown_at_s(tip.stamp.seconds_since(recording.start)), ninth(tip))).collect()
 }
 
 pub(super) fn ninth_at(ninths: &[(f64, f64)], time_s: f64) -> f64 {
