@@ -124,3 +124,21 @@ pub fn replay(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
 pub fn diagnose(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
     raven_diagnose::run(parse(typed)?, out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_a_recording_day_is_left_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let (at, mut nowhere) = (folder.path(), Vec::new());
+        std::fs::write(at.join("cameras.yaml"), "mine").unwrap();
+        let refused = Chain::begin(at, &mut nowhere).err().unwrap().to_string();
+        assert!(refused.contains("name a new folder") && !at.join("robot.yaml").exists(), "{refused}");
+        let new = at.join("new/tour");
+        Chain::begin(&new, &mut nowhere).unwrap();
+        std::fs::write(new.join(TRUTH), "{}").unwrap();
+        Chain::begin(&new, &mut nowhere).unwrap();
+    }
+}

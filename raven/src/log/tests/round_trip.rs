@@ -147,3 +147,51 @@ fn what_is_missing_is_named() {
     let error = Recording::read(&path, &wrong).unwrap_err().to_string();
     assert!(error.contains("/motor/joint_states"), "{error}");
 }
+
+#[test]
+fn what_was_computed_may_be_computed_again_and_a_recording_stays() {
+    let (_folder, path) = place();
+    let write = |log: crate::Result<LogWriter>| {
+        let mut log = log?;
+        log.robot_state(ms(0), &state(1.0))?;
+        log.finish()
+    };
+    write(LogWriter::computed(&path)).unwrap();
+    write(LogWriter::computed(&path)).unwrap();
+    for refused in [write(LogWriter::create(&path)), write(LogWriter::live(&path))] {
+        assert!(refused.unwrap_err().to_string().contains("never written over"));
+    }
+    std::fs::remove_file(&path).unwrap();
+    write(LogWriter::create(&path)).unwrap();
+    assert!(write(LogWriter::computed(&path)).unwrap_err().to_string().contains("never written over"));
+    std::fs::write(&path, "notes").unwrap();
+    assert!(write(LogWriter::computed(&path)).unwrap_err().to_string().contains("no recording and would be lost"));
+}
+
+#[test]
+fn joints_are_told_by_their_names_where_there_are_any() {
+    let source = MotorSource {
+        topic: topics::MOTOR_JOINT_STATES.to_owned(),
+        format: SourceFormat::JointState,
+        joints: ["shoulder", "elbow", "insertion"].map(String::from).to_vec(),
+        ..MotorSource::default()
+    };
+    let read = |names: &[&str]| {
+        let (_folder, path) = place();
+        let mut log = LogWriter::create(&path).unwrap();
+        let numbers: Vec<f64> = (0..names.len()).map(|j| j as f64).collect();
+        let more: Vec<f64> = numbers.iter().map(|number| number + 10.0).collect();
+        log.joint_states(topics::MOTOR_JOINT_STATES, ms(1), names, &numbers, Some(&more)).unwrap();
+        log.finish().unwrap();
+        let recording = Recording::read(&path, &source).unwrap();
+        recording.require_motor().map(|motor| {
+            let of = |series: &[Vec<f64>]| series.iter().map(|joint| joint[0]).collect::<Vec<f64>>();
+            (of(&motor.position), of(motor.effort.as_ref().unwrap()))
+        })
+    };
+    let mixed = read(&["roll", "elbow", "insertion", "shoulder"]).unwrap();
+    assert_eq!(mixed, (vec![3.0, 1.0, 2.0, 0.0], vec![13.0, 11.0, 12.0, 10.0]));
+    assert_eq!(read(&["a", "b", "c"]).unwrap().0, [0.0, 1.0, 2.0]);
+    let refused = read(&["elbow", "shoulder"]).unwrap_err().to_string();
+    assert!(refused.contains("its joints are elbow, shoulder, and not `insertion`"), "{refused}");
+}
