@@ -63,10 +63,15 @@ fn cause(blamed: &Blamed) -> String {
     format!("{} ({})", at(blamed.id, blamed.joint.as_deref()), blamed.numbers().join(", "))
 }
 
-/// An effect at its place: `pulley-radius at the shoulder`.
+/// An effect at its place: `pulley-radius at the shoulder`, `link-angle 12`.
 #[must_use]
 pub fn at(id: &str, joint: Option<&str>) -> String {
-    joint.map_or_else(|| id.to_owned(), |joint| format!("{id} at the {joint}"))
+    let is_number = |place: &str| place.bytes().all(|byte| byte.is_ascii_digit());
+    match joint {
+        None => id.to_owned(),
+        Some(place) if is_number(place) => format!("{id} {place}"),
+        Some(joint) => format!("{id} at the {joint}"),
+    }
 }
 
 /// `motor-coulomb-friction at the elbow: factor 0.62 +- 0.05`.
@@ -154,4 +159,16 @@ fn closed(gap: &Closure) -> String {
     let Some(closed) = gap.closed else { return "no gap".to_owned() };
     let interval = gap.closed_ci95.map_or_else(String::new, |[low, high]| format!(" ({:.0} to {:.0})", 100.0 * low, 100.0 * high));
     format!("{:.0} %{interval}", 100.0 * closed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_named_as_they_are_called() {
+        assert_eq!(at("pulley-radius", Some("shoulder")), "pulley-radius at the shoulder");
+        assert_eq!(at("link-angle", Some("12")), "link-angle 12");
+        assert_eq!(at("payload", None), "payload");
+    }
 }

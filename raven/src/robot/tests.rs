@@ -96,23 +96,29 @@ fn links_settle_where_the_cables_hold_them() {
     assert_relative_eq!(model.acceleration(&state, &motor, &Vector3::zeros()), Vector3::zeros(), epsilon = 1e-3);
 }
 
+/// Rolls links out along a path for half a second by a model's own steps, and by such as are given; neither may be off by more than `within`.
+fn own_steps_are_short_enough(model: &LinkModel, path: impl Fn(f64) -> Vector3<f64>, way: f64, fine_s: f64, within: f64) {
+    let transmission = &model.arm().transmission;
+    let start = LinkState::new(model.settled(&transmission.motor_from_joint(&path(0.0)), &Vector3::repeat(way)), Vector3::zeros());
+    let (mut coarse, mut fine) = (start, start);
+    let sample_s = 1e-3;
+    for k in 0..500 {
+        let (now, next) = [k, k + 1].map(|k| transmission.motor_from_joint(&path(f64::from(k) * sample_s))).into();
+        let rate = (next - now) / sample_s;
+        coarse = model.advance(coarse, &now, &rate, sample_s);
+        for i in 0..(sample_s / fine_s).round() as u32 {
+            fine = model.step(&fine, &(now + rate * (f64::from(i) * fine_s)), &rate, fine_s);
+        }
+        assert_relative_eq!(coarse.position, fine.position, epsilon = within);
+    }
+}
+
 #[test]
 fn a_coarse_step_is_as_good_as_twenty_fine_ones() {
     let model = LinkModel::new(nominal().arm().unwrap());
-    let transmission = &model.arm().transmission;
     let path = |t: f64| joint(45.0, 90.0, 0.35) + Vector3::new(0.3 * (6.0 * t).sin(), 0.2 * (9.0 * t).sin(), 0.02 * (12.0 * t).sin());
-    let start = LinkState::new(model.settled(&transmission.motor_from_joint(&path(0.0)), &Vector3::repeat(1.0)), Vector3::zeros());
-    let (mut coarse, mut fine) = (start, start);
-    for k in 0..1000 {
-        let (now, next) = [k, k + 1].map(|k| transmission.motor_from_joint(&path(f64::from(k) * 1e-3))).into();
-        let rate = (next - now) / 1e-3;
-        coarse = model.advance(coarse, &now, &rate, 1e-3);
-        for i in 0..20 {
-            fine = model.step(&fine, &(now + rate * (f64::from(i) * 5e-5)), &rate, 5e-5);
-        }
-        // One count of the motor's encoder is 1.2e-5 rad at the shoulder.
-        assert_relative_eq!(coarse.position, fine.position, epsilon = 1e-5);
-    }
+    // One count of the motor's encoder is 1.2e-5 rad at the shoulder.
+    own_steps_are_short_enough(&model, path, 1.0, 5e-5, 1e-5);
 }
 
 #[test]
@@ -122,21 +128,9 @@ fn steps_are_short_enough_for_friction_that_grows_with_the_load() {
         for joint in &mut robot.joints {
             joint.link_friction.as_mut().unwrap().per_load = per_load;
         }
-        let model = LinkModel::new(robot.arm().unwrap());
-        let transmission = &model.arm().transmission;
         // So slow that no joint gets out of the speeds at which friction at rest gives way.
         let path = |t: f64| joint(45.0, 90.0, 0.35) + Vector3::new(0.001, 0.001, 0.0005) * t;
-        let start = LinkState::new(model.settled(&transmission.motor_from_joint(&path(0.0)), &Vector3::zeros()), Vector3::zeros());
-        let (mut coarse, mut fine) = (start, start);
-        for k in 0..250 {
-            let (now, next) = [k, k + 1].map(|k| transmission.motor_from_joint(&path(f64::from(k) * 2e-3))).into();
-            let rate = (next - now) / 2e-3;
-            coarse = model.advance(coarse, &now, &rate, 2e-3);
-            for i in 0..100 {
-                fine = model.step(&fine, &(now + rate * (f64::from(i) * 2e-5)), &rate, 2e-5);
-            }
-        }
-        assert_relative_eq!(coarse.position, fine.position, epsilon = 1e-6);
+        own_steps_are_short_enough(&LinkModel::new(robot.arm().unwrap()), path, 0.0, 2e-5, 1e-6);
     }
 }
 
