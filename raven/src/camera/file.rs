@@ -77,10 +77,10 @@ impl Keys {
         let numbers: Vec<&str> =
             of_quality.numbers().map(|(key, _)| key).into_iter().chain(of_quality.lists().map(|(key, _)| key)).collect();
         let mistyped = |keys: &BTreeMap<String, IgnoredAny>, known: &[&str]| {
-            let unknown = keys.keys().filter(|key| !known.contains(&key.as_str()));
+            let mut unknown = keys.keys().filter(|key| !known.contains(&key.as_str()));
             let near =
                 |key: &String| known.iter().find(|known| strsim::levenshtein(key, known) <= MISTYPED).map(|known| (*known).to_owned());
-            unknown.filter_map(|key| Some((key.clone(), near(key)?))).next()
+            unknown.find_map(|key| Some((key.clone(), near(key)?)))
         };
         match mistyped(&self.all, &OPTIONAL).or_else(|| mistyped(&self.quality, &numbers)) {
             Some((key, known)) => Err(format!("`{key}` is no key of this file; is it `{known}`?")),

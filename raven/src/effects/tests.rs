@@ -42,7 +42,6 @@ fn no_effect_is_no_change() {
     }
 }
 
-/// Between the images the tip speeds up and slows down.
 #[test]
 fn a_loop_that_hardly_adds_to_the_files_leaves_its_shape() {
     let mut robot = nominal::gold();
@@ -60,6 +59,7 @@ fn a_loop_that_hardly_adds_to_the_files_leaves_its_shape() {
     assert_eq!(Model::new(&robot, None).unwrap().with(&sited, &[0.0; 4]).robot.joints[2].hysteresis, own);
 }
 
+/// Between the images the tip speeds up and slows down.
 #[test]
 fn a_late_image_shows_the_tip_where_it_was() {
     const LATE_S: f64 = 0.03;

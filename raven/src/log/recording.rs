@@ -290,21 +290,26 @@ impl<'s> Reader<'s> {
         (tip_quality.without_stamp, tip_quality.non_finite, tip_quality.undecodable) =
             (self.tip_quality.without_stamp, self.tip_quality.non_finite, self.tip_quality.undecodable);
         let mut problems = self.problems;
-        let mut finish = |builder: Option<SeriesBuilder>, topic: &str| {
+        let mut finish = |builder: Option<SeriesBuilder>, topic: &str, joints: &[String]| {
             let (series, of_topic, order) = builder?.finish(start);
             if series.is_empty() {
                 let bad = of_topic.undecodable + of_topic.non_finite;
                 problems.insert(topic.to_owned(), format!("none of its {bad} messages holds a finite position"));
             }
             quality.insert(topic.to_owned(), of_topic);
-            let ordered = series.ordered_by(&self.source.joints).map_err(|problem| problems.insert(topic.to_owned(), problem)).ok()?;
+            let ordered = series.ordered_by(joints).map_err(|problem| problems.insert(topic.to_owned(), problem)).ok()?;
             (!ordered.is_empty()).then_some((ordered, order))
         };
-        let mut motor = finish(self.motor, &self.source.topic);
+        // The robot's own message has its joints at their places, whatever the robot file calls them.
+        let of_motor: &[String] = match self.source.format {
+            SourceFormat::RavenState => &[],
+            SourceFormat::JointState => &self.source.joints,
+        };
+        let mut motor = finish(self.motor, &self.source.topic, of_motor);
         if let Some(torques) = motor.as_mut().and_then(|(series, _)| series.effort.as_mut()) {
             self.converters.clip(torques);
         }
-        let encoders = finish(self.encoders, topics::JOINT_ENCODERS);
+        let encoders = finish(self.encoders, topics::JOINT_ENCODERS, &self.source.joints);
         if self.topics.contains_key(topics::TIP) {
             quality.insert(topics::TIP.to_owned(), tip_quality);
         }

@@ -1,7 +1,6 @@
 //! Dry friction at the joint.
 
 use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
-use crate::robot::stiction_speed;
 
 /// Steepest slope of friction at rest, over the model's own.
 const STEEPEST: f64 = 2.0;
@@ -26,7 +25,7 @@ pub const EFFECT: Effect = Effect {
     separated_by: "the same reversals at two cable tensions; without a tip it cannot be told from the motor's friction",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];
-        let usual = stiction_speed(joint.kind);
+        let own = joint.stiction_speed();
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
             friction.held_part = held(friction.held_part, values[2]);
@@ -35,7 +34,7 @@ pub const EFFECT: Effect = Effect {
             // same, and takes ever smaller steps. A file that leaves the speed to the model goes on doing so.
             let slope = values[1].min(STEEPEST);
             if values[0] != slope {
-                friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) * values[0] / slope);
+                friction.stiction_speed = Some(own * values[0] / slope);
             }
         }
     },
@@ -58,12 +57,12 @@ pub const AMOUNT: Amount = Amount {
             EFFECT.parameters[3],
         ],
         act: |model, place, values| {
-            let usual = stiction_speed(model.robot.joints[place.first].kind);
+            let own = model.robot.joints[place.first].stiction_speed();
             let friction = model.link_friction_mut(place.first);
             friction.coulomb = values[0];
             friction.held_part = held(friction.held_part, values[2]);
             friction.lag_at_start = values[3].clamp(-1.0, 1.0);
-            friction.stiction_speed = Some(friction.stiction_speed.unwrap_or(usual) / values[1].min(STEEPEST));
+            friction.stiction_speed = Some(own / values[1].min(STEEPEST));
         },
         ..EFFECT
     },
