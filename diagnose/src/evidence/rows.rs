@@ -5,7 +5,7 @@ use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Channel, Measure, Model, Shaft, Sited, TipModel, TorqueModel};
 use raven::robot::stiction::stirred_s;
-use raven::robot::{Arm, MotorTrack, Robot};
+use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 
 use super::data::{Data, STRIDE_S, WINDOW_S};
 
@@ -27,9 +27,9 @@ const MORE_FRICTION: f64 = 1.5;
 const MORE_FRICTION_AT_START: f64 = 2.0;
 const SPARED: f64 = 0.1;
 
-/// Shortest step [s] that a hypothesis may ask of the links. A fit that has lost its way may try a cable's damper a thousand times too large:
-/// its fast motion shows in no recording, and following it would take hours.
-const STEP_MIN_S: f64 = 2e-5;
+/// Shortest step that a hypothesis may ask of the links, as a part of the nominal model's. The library's dampers go to ten times the file's; a fit
+/// that has lost its way makes them a hundred times as large, whose fast motion shows in no recording and takes as much longer to follow.
+const STEP_MIN: f64 = 0.1;
 
 /// Recordings of one robot, and how much each residual weighs.
 #[derive(Clone)]
@@ -45,6 +45,8 @@ pub struct Rows<'a> {
     loose: Vec<Loose>,
     /// Whose friction near rest is in doubt.
     rubbing: Arm,
+    /// Shortest step [s] that links may need.
+    step_min_s: f64,
 }
 
 /// How the links follow.
@@ -119,7 +121,8 @@ impl<'a> Rows<'a> {
             data.sights.iter().map(factor).collect()
         };
         let whiten = data.iter().zip(&loose).map(whiten).collect();
-        let mut rows = Self { robot, cameras, data, whiten, torque_weight: Vec::new(), loose, rubbing: arm };
+        let step_min_s = STEP_MIN * LinkModel::new(arm.clone()).step_max_s();
+        let mut rows = Self { robot, cameras, data, whiten, torque_weight: Vec::new(), loose, rubbing: arm, step_min_s };
         rows.torque_weight = rows.weighed(&rows.rubbing);
         Ok(rows)
     }
@@ -212,7 +215,7 @@ impl Observed for Rows<'_> {
             let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
             let tip = TipModel::new(&model, &data.motors)?;
             let (seen, tensions) = match links {
-                Links::RolledOut if tip.step_max_s() < STEP_MIN_S => {
+                Links::RolledOut if tip.step_max_s() < self.step_min_s => {
                     return Ok(vec![f64::INFINITY; self.tip_rows() + self.torque_rows()]);
                 }
                 Links::RolledOut => tip.rolled_out(sights, shafts),
@@ -327,6 +330,33 @@ mod tests {
     use raven::robot::nominal;
 
     use super::*;
+
+    #[test]
+    fn no_damper_is_followed_that_is_far_larger_than_any_of_the_library() {
+        let robot = nominal::gold();
+        let angle = robot.arm().unwrap().transmission.motor_from_joint(&Vector3::new(0.8, 1.6, 0.35));
+        let time_s: Vec<f64> = (0..500).map(|k| 1e-3 * f64::from(k)).collect();
+        let shaft = |&time_s: &f64| Shaft {
+            time_s,
+            angle,
+            rate: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
+            commanded: Command::steady(Vector3::repeat(0.01)),
+            window_s: WINDOW_S,
+        };
+        let shafts = time_s[50..450].iter().step_by(20).map(shaft).collect();
+        let data = [Data { motors: MotorTrack { angle: vec![angle; time_s.len()], time_s }, sights: Vec::new(), shafts }];
+        let rows = Rows::new(&robot, None, &data).unwrap();
+        let is_damper = |sited: &Sited| sited.effect.id == "cable-damping" && sited.place.first == 2;
+        let damper = Sited::all(&robot).into_iter().find(is_damper).unwrap();
+        let parameter = &damper.effect.parameters[0];
+        let with = |factor: f64| {
+            let settings = [(damper, vec![parameter.u(factor, damper.measure)])];
+            rows.residuals(&settings, Links::RolledOut, &ALL).unwrap()
+        };
+        assert!(with(10.0).iter().all(|r| r.is_finite()));
+        assert!(with(100.0).iter().all(|r| r.is_infinite()));
+    }
 
     #[test]
     fn torque_says_nothing_until_links_are_loose_from_where_friction_held_them() {
