@@ -108,7 +108,8 @@ struct Without<'a> {
     none: &'a Hypothesis,
     /// `J'J + L` of its numbers.
     curvature: DMatrix<f64>,
-    residuals: Vec<f64>,
+    /// Residuals of settled links.
+    settled: Vec<f64>,
 }
 
 impl<'a> Without<'a> {
@@ -119,8 +120,8 @@ impl<'a> Without<'a> {
             curvature[(k, k)] += fitter.prior(c, &[]).map_or(0.0, |t| t.powi(-2));
         }
         let settings = fitter.coordinates.settings(&none.u);
-        let residuals = fitter.rows.residuals(&settings, Links::Settled, &[Channel::Tip, Channel::Torque])?;
-        Ok(Self { fitter, none, curvature, residuals })
+        let settled = fitter.rows.residuals(&settings, Links::Settled, &[Channel::Tip, Channel::Torque])?;
+        Ok(Self { fitter, none, curvature, settled })
     }
 
     /// Of one effect; `odds` are what it has to raise the evidence by to be as probable as none.
@@ -166,11 +167,13 @@ impl<'a> Without<'a> {
         let mut u = self.none.u.clone();
         coordinates.of(effect).for_each(|c| u[c] = if matches!(coordinates.parameter(c).scale, Scale::Moment) { 0.5 } else { 0.0 });
         u[coordinate] = value;
-        let channels = coordinates.sited[effect].effect.channels;
-        let residuals = rows.residuals(&coordinates.settings(&u), Links::Settled, channels)?;
+        let (links, here) =
+            if self.fitter.shows_in_swings(effect) { (Links::RolledOut, &self.none.residuals) } else { (Links::Settled, &self.settled) };
+        let channels = self.fitter.channels_of(effect, links);
+        let residuals = rows.residuals(&coordinates.settings(&u), links, channels)?;
         let tip_rows = rows.tip_rows();
         let shows = |k: usize| channels.contains(if k < tip_rows { &Channel::Tip } else { &Channel::Torque });
-        let changed = self.residuals.iter().zip(&residuals).enumerate();
+        let changed = here.iter().zip(&residuals).enumerate();
         Ok(changed.map(|(k, (here, there))| if shows(k) { here - there } else { 0.0 }).collect())
     }
 }

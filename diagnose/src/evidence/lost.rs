@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use super::fit::{Fitter, Following, Hypothesis, cost};
 use super::outcome::Outcome;
-use super::search::WITHIN_NATS;
+use super::search::{HOPE_NATS, WITHIN_NATS};
 
 /// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
 pub(super) const LOST_NATS: f64 = 1.0;
@@ -31,6 +31,9 @@ const AGAIN: usize = 2;
 const STARTS_MAX: usize = 3;
 /// Starts of a slack that was found, as parts of its size.
 const SLACKS: [f64; STARTS_MAX] = [0.6, 1.0, 1.7];
+/// The same of one that leaves nothing, beside numbers that have not followed it. A slack joint's torque is jagged: the nominal model's slopes lead
+/// half of the fits astray, those beside the slack the other half.
+const SLACKS_BESIDE_REST: [f64; 5] = [0.2, 0.4, 0.7, 1.0, 1.5];
 /// Part of its stiffness below which a cable is soft: with the nominal dampers its joint follows a tenth of a second late and more.
 const SOFT: f64 = 0.1;
 /// How many of these fits go on by slopes of rolled-out links.
@@ -59,7 +62,7 @@ impl Fitter<'_> {
             return self.at_several_sizes(outcome, nominal);
         }
         if !self.leftover(&outcome.best).remains() {
-            return Ok(false);
+            return self.slacks_beside_rest(outcome);
         }
         let mut other = self.closely(outcome, &[outcome.best.clone(), outcome.none.clone()])?;
         // What strains the nominal model may be an effect.
@@ -73,7 +76,8 @@ impl Fitter<'_> {
             let slack = |&effect: &usize| (effect, self.coordinates.own(effect, &best.u));
             let slacks = best.effects.iter().filter(|&&effect| self.is_loose(effect)).map(slack);
             let starts = slacks.flat_map(|(effect, u)| SLACKS.map(|part| (effect, u.iter().map(|u| part * u).collect())));
-            other |= self.begun_again(outcome, nominal, &starts.collect::<Vec<_>>(), &[Following::Held, Following::Settled])?;
+            let ways = [Following::Held, Following::Settled].map(|following| (following, Some(nominal)));
+            other |= self.begun_again(outcome, nominal, &starts.collect::<Vec<_>>(), &ways)?;
         }
         Ok(other)
     }
@@ -139,7 +143,8 @@ impl Fitter<'_> {
             let slacks = (0..sited.len()).filter(|&effect| follows(&effect) && self.is_loose(effect));
             let starts: Vec<_> =
                 slacks.flat_map(|effect| self.starts(effect, &rest.u).into_iter().map(move |start| (effect, start))).collect();
-            other |= self.begun_again(outcome, &rest, &starts, &[Following::Held, Following::Settled])?;
+            let ways = [Following::Held, Following::Settled].map(|following| (following, Some(&rest)));
+            other |= self.begun_again(outcome, &rest, &starts, &ways)?;
         }
         Ok(other)
     }
@@ -148,8 +153,13 @@ impl Fitter<'_> {
     fn closely(&self, outcome: &mut Outcome, hypotheses: &[Hypothesis]) -> Result<bool> {
         let closely = |h: &Hypothesis| self.fit_with(&h.effects, &h.u, None, Following::RolledOut);
         let fitted: Result<Vec<Option<Hypothesis>>> = hypotheses.par_iter().map(closely).collect();
+        Ok(self.taken(outcome, fitted?.into_iter().flatten()))
+    }
+
+    /// Takes in hypotheses. Tells whether one of them is better than the best, which it then is.
+    fn taken(&self, outcome: &mut Outcome, fitted: impl Iterator<Item = Hypothesis>) -> bool {
         let mut other = false;
-        for hypothesis in fitted?.into_iter().flatten() {
+        for hypothesis in fitted {
             outcome.keep(&hypothesis);
             let is_better = if hypothesis.effects == outcome.best.effects {
                 hypothesis.evidence > outcome.best.evidence
@@ -161,7 +171,7 @@ impl Fitter<'_> {
                 other = true;
             }
         }
-        Ok(other)
+        other
     }
 
     /// Fits effects of how joints follow their cables from several sizes; as [`Self::closely`].
@@ -178,22 +188,53 @@ impl Fitter<'_> {
             (0..count).map(|k| (effect, starts[k * last / (count - 1).max(1)].clone())).collect::<Vec<_>>()
         };
         let starts: Vec<_> = alone.iter().take(AGAIN).flat_map(of_effect).collect();
-        self.begun_again(outcome, nominal, &starts, &[Following::Held])
+        self.begun_again(outcome, nominal, &starts, &[(Following::Held, Some(nominal))])
     }
 
-    /// Fits effects, each beside those of `base`, from there and these numbers of theirs in several ways; as [`Self::closely`].
-    fn begun_again(&self, outcome: &mut Outcome, base: &Hypothesis, starts: &[(usize, Vec<f64>)], ways: &[Following]) -> Result<bool> {
+    /// Fits each slack of the best hypothesis, or where that is none those that are likelier alone, from several sizes and the numbers that the
+    /// rest comes to without it; as [`Self::closely`].
+    fn slacks_beside_rest(&self, outcome: &mut Outcome) -> Result<bool> {
+        let best = outcome.best.clone();
+        let found: Vec<Hypothesis> = if best.effects.is_empty() {
+            let likelier = |h: &&Hypothesis| h.effects.len() == 1 && h.evidence > best.evidence + HOPE_NATS;
+            outcome.fitted.values().map(|(h, _)| h).filter(likelier).cloned().collect()
+        } else {
+            vec![best]
+        };
+        let mut other = false;
+        for hypothesis in found {
+            for &slack in hypothesis.effects.iter().filter(|&&effect| self.is_loose(effect)) {
+                let Some(rest) = self.rest(outcome, &hypothesis, &[slack])? else { continue };
+                let size = self.coordinates.own(slack, &hypothesis.u);
+                let starts = SLACKS_BESIDE_REST.map(|part| (slack, size.iter().map(|u| part * u).collect()));
+                let ways = [(Following::Settled, Some(&rest)), (Following::Settled, None)];
+                other |= self.begun_again(outcome, &rest, &starts, &ways)?;
+            }
+        }
+        Ok(other)
+    }
+
+    /// Fits effects, each beside those of `base`, from there and these numbers of theirs in several ways, each with the slopes to begin with; as
+    /// [`Self::closely`].
+    fn begun_again(
+        &self,
+        outcome: &mut Outcome,
+        base: &Hypothesis,
+        starts: &[(usize, Vec<f64>)],
+        ways: &[(Following, Option<&Hypothesis>)],
+    ) -> Result<bool> {
         let fitted = |(effect, start): &(usize, Vec<f64>)| {
             let mut u = base.u.clone();
             self.coordinates.of(*effect).zip(start).for_each(|(c, value)| u[c] = *value);
             let effects = [base.effects.as_slice(), &[*effect]].concat();
-            let fits = ways.iter().map(|&following| self.fit_with(&effects, &u, Some(base), following));
+            let fits = ways.iter().map(|&(following, like)| self.fit_with(&effects, &u, like, following));
             fits.collect::<Result<Vec<Option<Hypothesis>>>>()
         };
         let fitted: Result<Vec<Vec<Option<Hypothesis>>>> = starts.par_iter().map(fitted).collect();
         let mut fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().flatten().collect();
         fitted.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         fitted.truncate(CLOSELY);
-        self.closely(outcome, &fitted)
+        let better = self.taken(outcome, fitted.iter().cloned());
+        Ok(self.closely(outcome, &fitted)? || better)
     }
 }

@@ -88,16 +88,19 @@ impl Fitter<'_> {
 
     fn looked_at(&self, point: &Point, effect: usize, start: &[f64]) -> Result<Option<Candidate>> {
         let base = point.base;
-        let channels = self.coordinates.sited[effect].effect.channels;
         let own: Vec<usize> = self.coordinates.of(effect).collect();
         let mut u = base.u.clone();
         own.iter().zip(start).for_each(|(&c, &value)| u[c] = value);
         let unmoved = own.iter().all(|&c| u[c] == base.u[c]);
-        let links = if base.effects.is_empty() && self.is_loose(effect) { Links::RolledOut } else { Links::Settled };
-        let slopes: Vec<Column> = match unmoved.then(|| own.iter().map(|c| base.free.iter().position(|f| f == c)).collect()) {
-            Some(Some(at)) => Vec::<usize>::into_iter(at).map(|k| base.columns[k].clone()).collect(),
-            _ => self.slopes(&u, &own, links)?,
-        };
+        let is_rolled_out = base.effects.is_empty() && (self.is_loose(effect) || self.shows_in_swings(effect));
+        let links = if is_rolled_out { Links::RolledOut } else { Links::Settled };
+        let channels = self.channels_of(effect, links);
+        // The point's own slopes are of settled links.
+        let slopes: Vec<Column> =
+            match (unmoved && !is_rolled_out).then(|| own.iter().map(|c| base.free.iter().position(|f| f == c)).collect()) {
+                Some(Some(at)) => Vec::<usize>::into_iter(at).map(|k| base.columns[k].clone()).collect(),
+                _ => self.slopes(&u, &own, links)?,
+            };
         // Links tell by how much the start differs from the point, rolled-out ones where the point is.
         let shift = if unmoved {
             None

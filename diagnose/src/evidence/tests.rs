@@ -295,3 +295,53 @@ fn what_is_beside_an_effect_is_looked_for_where_that_has_been_fitted_again() {
     });
     assert_eq!(rows.named(), ["joint-offset", "payload"]);
 }
+
+#[test]
+fn a_damper_that_settled_links_have_the_wrong_way_round_is_found() {
+    let rows = Seen::new(&[("cable-damping", [1, 0])], |numbers: &[Option<&[f64]>], links| {
+        let so_far = numbers[0].map_or(0.0, |u| u[0]);
+        let shows = if links == Links::RolledOut { so_far } else { -so_far };
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * (k as f64).sin() * (-1.1 - shows)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let nominal = fitter.at_nominal().unwrap().unwrap();
+    // The nominal model's own slope is that of settled links.
+    for like in [None, Some(&nominal)] {
+        let fitted = fitter.fit(&[0], &nominal.u, like).unwrap().unwrap();
+        approx::assert_relative_eq!(fitted.u[0], -1.1, epsilon = 0.01);
+    }
+    let hopeful = fitter.screen(&nominal, nominal.evidence).unwrap().remove(0);
+    assert!(hopeful.start[0] < -1.0, "{:?}", hopeful.start);
+}
+
+#[test]
+fn a_slack_is_found_where_its_joint_bounces_as_recorded_between_sizes_that_were_tried() {
+    // A broad valley about 0.68 slabs, and a deep and narrow one at 0.27.
+    let rows = Seen::new(&[("backlash", [0, 0])], |numbers: &[Option<&[f64]>], _| {
+        let slack = numbers[0].map_or(0.0, |u| u[0]);
+        let bounces_otherwise = 1.0 - (-((slack - 0.27) / 0.03).powi(2)).exp();
+        let row = |k: f64| k.sin() * 0.1 * (0.68 - slack) + k.cos() * 0.15 * bounces_otherwise;
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
+    assert_eq!(outcome.best.effects, [0]);
+    approx::assert_relative_eq!(outcome.best.u[0], 0.27, epsilon = 0.02);
+}
+
+#[test]
+fn a_fit_does_not_end_on_slopes_from_where_it_began() {
+    // How far a stretch moves the tips goes by friction that another number brings, less than makes slopes be taken anew on the way.
+    let effects = [("cable-stretch", [1, 0]), ("link-coulomb-friction", [1, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let [soft, rubs] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let row = |k: f64| k.sin() * (0.12 - rubs) + k.cos() * (0.03 - soft * (1.0 - rubs / 0.1));
+        (0..ROWS).map(|k| 10.0 * SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let fitted = fitter.fit(&[], &fitter.nowhere(), None).unwrap().unwrap();
+    let again = fitter.fit(&[], &fitted.u, None).unwrap().unwrap();
+    assert!(again.evidence - fitted.evidence < 1.0, "{} then {}", fitted.evidence, again.evidence);
+}

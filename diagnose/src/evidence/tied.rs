@@ -45,6 +45,20 @@ impl Fitter<'_> {
                     }
                 }
             }
+            // What was fitted may have stopped on its way, a few nats behind what is the same.
+            let behind = |other: &&usize| {
+                let known = outcome.fitted.get(&instead(other)).map(|(known, _)| known.evidence);
+                known.is_some_and(|known| known < best.evidence && known > best.evidence - WITHIN_NATS)
+            };
+            let behind: Vec<usize> = ties.iter().filter(behind).copied().collect();
+            for other in behind {
+                let known = &outcome.fitted[&instead(&other)].0;
+                let mut start = self.without(effect, &best.u);
+                self.coordinates.of(other).for_each(|c| start[c] = known.u[c]);
+                if let Some(hypothesis) = self.fit(&instead(&other), &start, Some(&best))? {
+                    outcome.keep(&hypothesis);
+                }
+            }
             let as_good_alone = self.as_good_alone(outcome, &best, effect);
             for (other, start) in &as_good_alone {
                 if !outcome.fitted.contains_key(&instead(other))

@@ -15,7 +15,8 @@ impl Fitter<'_> {
         let Some(none) = self.fit(&[], &point.u, None)? else { return Ok(None) };
         for &effect in effects {
             let Some(candidate) = self.screen_some(&point, point.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
-            let Some(hypothesis) = self.fitted_at_least(&candidate, &point, &point)? else { return Ok(None) };
+            let poorer = if point.effects.is_empty() { &none } else { &point };
+            let Some(hypothesis) = self.fitted_at_least(&candidate, &point, poorer)? else { return Ok(None) };
             point = hypothesis;
         }
         let mut without_one = Vec::new();
