@@ -22,8 +22,8 @@ const ROUNDS_MAX: usize = 5;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 pub(super) const WITHIN_NATS: f64 = 25.0;
 pub(super) const REFITTED: [usize; 2] = [2, 8];
-/// The first so many are, too, if they are no farther behind than slopes were wrong by at the point they were looked at from: a joint's zero that is
-/// degrees off bends what slopes say of everything.
+/// The first so many are, too, if they are no farther behind than slopes were wrong by at the point they were looked at from, or if they would not
+/// be were what the best leaves noise: a joint's zero that is degrees off bends what slopes say of everything, and so does a second effect.
 const DOUBTED: usize = 4;
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
@@ -259,9 +259,11 @@ impl Fitter<'_> {
         let mut tried = 0;
         // The screen can promise too much: what counts is how far a promise is behind the best that was kept.
         for batch in candidates[..most.min(candidates.len())].chunks(AT_ONCE) {
-            let reached = fitted.iter().map(|h| h.evidence).fold(f64::NEG_INFINITY, f64::max);
+            let best = fitted.iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+            let reached = best.map_or(f64::NEG_INFINITY, |best| best.evidence);
+            let as_noise = WITHIN_NATS * best.map_or(1.0, |best| self.leftover(best).most());
             let is_near = |(k, c): &(usize, &Candidate)| {
-                let within = if tried + k < DOUBTED { WITHIN_NATS.max(c.doubt) } else { WITHIN_NATS };
+                let within = if tried + k < DOUBTED { as_noise.max(c.doubt) } else { WITHIN_NATS };
                 tried + k < least || c.evidence > reached - within
             };
             let near = batch.iter().enumerate().take_while(is_near).count();
