@@ -5,10 +5,11 @@
 
 use raven::Result;
 
-use super::fit::{Fitter, Following, Hypothesis};
+use super::fit::{Fitter, Hypothesis};
 use super::lost::LOST_NATS;
 use super::outcome::Outcome;
 use super::search::WITHIN_NATS;
+use super::slopes::Following;
 
 /// Others that are as near the best as this [nat] are fitted too, so many of them at most.
 const OTHERS_NATS: f64 = 10.0;
@@ -28,7 +29,7 @@ impl Fitter<'_> {
         let Some(none) = again(&[], &outcome.none.u)? else { return Ok(()) };
         let mut likely = self.as_likely(outcome, &leading, &none);
         // With the nominal model's numbers from either, and each effect without those that may have made good what the other fit lacked.
-        let from_none = self.beside(&none, &leading);
+        let from_none = self.taking(&none.u, &leading.effects, &leading.u);
         likely.push((leading.effects.clone(), from_none.clone()));
         if leading.effects.len() > 1 {
             likely.extend(leading.effects.iter().map(|&left_out| (leading.all_but(left_out), self.without(left_out, &from_none))));
@@ -67,15 +68,8 @@ impl Fitter<'_> {
         let mut near: Vec<(&Hypothesis, f64)> = with_effects.map(|h| (h, self.lost_nats(h, none))).collect();
         near.retain(|(h, lost)| h.evidence + lost > best.evidence - OTHERS_NATS);
         near.sort_by(|(a, lost_a), (b, lost_b)| (b.evidence + lost_b).total_cmp(&(a.evidence + lost_a)));
-        let from = |(h, lost): (&Hypothesis, f64)| if lost > LOST_NATS { self.beside(none, h) } else { h.u.clone() };
+        let from = |(h, lost): (&Hypothesis, f64)| if lost > LOST_NATS { self.taking(&none.u, &h.effects, &h.u) } else { h.u.clone() };
         let near = near.into_iter().take(OTHERS_MAX).map(|known| (known.0.effects.clone(), from(known)));
         [(best.effects.clone(), best.u.clone())].into_iter().chain(near).collect()
-    }
-
-    /// Numbers of the nominal model as one hypothesis has them, effects as another does.
-    fn beside(&self, nominal: &Hypothesis, effects: &Hypothesis) -> Vec<f64> {
-        let mut u = nominal.u.clone();
-        effects.effects.iter().flat_map(|&effect| self.coordinates.of(effect)).for_each(|c| u[c] = effects.u[c]);
-        u
     }
 }

@@ -7,26 +7,20 @@
 //! (Nocedal and Wright 2006, chapter 10.) Slopes of the numbers that the nominal model has change little; they are carried over from
 //! step to step, and from another hypothesis where there is one.
 
-use std::sync::Arc;
-
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
-use raven::effects::{Channel, Effect, Scale, Scope, Stage};
+use raven::effects::Scale;
 use raven::stats::normal_cdf;
-use rayon::prelude::*;
 
 use super::coordinates::{Coordinates, MILDEST};
 use super::linear::{dot, evidence};
 use super::rows::{ALL, Links, Observed};
 use super::sizes;
+use super::slopes::{Column, Following, Slopes};
 
-/// Step of difference quotients, in units of the slab, and at most this part of a spike.
-const DIFFERENCE: f64 = 0.02;
 /// Most steps of a fit, and of one that goes by slopes of rolled-out links where an effect is.
 const STEPS_MAX: usize = 20;
 const CLOSE_STEPS_MAX: usize = 8;
-/// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
-const MOVED: f64 = 0.15;
 /// A fit has converged when the next step promises, or the last one brought, less than this [nat], or than this part of the cost.
 const PROMISE_MIN: f64 = 0.05;
 const PART_MIN: f64 = 1e-4;
@@ -39,23 +33,6 @@ const DAMPING: [f64; 2] = [1e-4, 10.0];
 pub const STRAINED: f64 = 4.0;
 /// Farthest a number is moved at once, in units of the slab.
 const STEP_MAX: f64 = 1.5;
-
-/// How a fit treats the numbers of how a joint follows its cable: of joints with an effect, unless it says all. A joint that is held by
-/// friction, swings or floats in slack has little to do with the settled one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Following {
-    /// By slopes of settled links.
-    Settled,
-    /// Where they are, while the others settle down.
-    Held,
-    /// By slopes of rolled-out links, which take fifty times as long.
-    RolledOut,
-    /// The same, and those of all joints.
-    AllRolledOut,
-}
-
-/// A column of slopes, shared between hypotheses.
-pub type Column = Arc<Vec<f64>>;
 
 /// A hypothesis, fitted.
 #[derive(Debug, Clone)]
@@ -125,39 +102,6 @@ impl Fitter<'_> {
         self.coordinates.all[c].spike.map_or(0.0, |spike| u[c].abs() / spike)
     }
 
-    /// Whether a number of the nominal model is about how a joint of `effects` follows its cable, or any joint if the fit is to treat all;
-    /// where there are no effects, any whose number is strained.
-    fn follows_as(&self, c: usize, effects: &[usize], start: &[f64], following: Following) -> bool {
-        let effect = self.coordinates.all[c].effect;
-        let id = self.coordinates.sited[effect].effect.id;
-        if following == Following::AllRolledOut {
-            return matches!(id, "cable-stretch" | "cable-damping" | "link-coulomb-friction");
-        }
-        let follows = matches!(id, "cable-stretch" | "link-coulomb-friction");
-        let with_effect = |&e: &usize| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect));
-        follows && if effects.is_empty() { self.strain(c, start) > STRAINED } else { effects.iter().any(with_effect) }
-    }
-
-    /// The joint whose way to follow its cable an effect changes.
-    pub(super) fn followed(&self, effect: usize) -> Option<usize> {
-        let sited = &self.coordinates.sited[effect];
-        let Effect { scope, stage, channels, .. } = sited.effect;
-        let changes = *scope == Scope::Joint && matches!(stage, Stage::Transmission | Stage::Link) && channels.contains(&Channel::Tip);
-        changes.then(|| sited.joint_measured())
-    }
-
-    /// Whether an effect shows in how a joint swings: settled links have a damper let it lag, and of one that is smaller have the sign wrong.
-    pub(crate) fn shows_in_swings(&self, effect: usize) -> bool {
-        self.coordinates.sited[effect].effect.id == "cable-damping"
-    }
-
-    /// Channels in which links of this kind show an effect: how a joint swings on its cable is in its motor's torque as well. How it bounces in
-    /// slack is, too, but so jagged that slopes say nothing of it.
-    pub(crate) fn channels_of(&self, effect: usize, links: Links) -> &'static [Channel] {
-        let swings = links == Links::RolledOut && self.followed(effect).is_some() && !self.is_loose(effect);
-        if swings { &ALL } else { self.coordinates.sited[effect].effect.channels }
-    }
-
     pub(super) fn scale(&self, c: usize) -> Scale {
         self.coordinates.parameter(c).scale
     }
@@ -171,32 +115,6 @@ impl Fitter<'_> {
     #[must_use]
     pub fn precision(&self, free: &[usize], effects: &[usize]) -> DVector<f64> {
         DVector::from_iterator(free.len(), free.iter().filter_map(|&c| self.prior(c, effects)).map(|t| t.powi(-2)))
-    }
-
-    /// Slopes of the residuals' negative by coordinates at a point.
-    ///
-    /// # Errors
-    /// If the robot is no arm.
-    pub fn slopes(&self, u: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
-        let slope = |&c: &usize| {
-            let coordinate = self.coordinates.all[c];
-            let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
-            let channels = self.channels_of(coordinate.effect, links);
-            if matches!(self.scale(c), Scale::Whole { .. }) {
-                return Ok(Arc::new(vec![0.0; self.rows.tip_rows() + self.rows.torque_rows()]));
-            }
-            let at = |value: f64| {
-                let mut moved = u.to_vec();
-                moved[c] = value;
-                self.rows.residuals(&self.coordinates.settings(&moved), links, channels)
-            };
-            // A magnitude has no other side of zero.
-            let lowest = if matches!(self.scale(c), Scale::Magnitude(_)) { 0.0 } else { f64::NEG_INFINITY };
-            let (from, to) = ((u[c] - step).max(lowest), u[c] + step);
-            let (ahead, behind) = (at(to)?, at(from)?);
-            Ok(Arc::new(ahead.iter().zip(&behind).map(|(ahead, behind)| (behind - ahead) / (to - from)).collect()))
-        };
-        coordinates.par_iter().map(slope).collect()
     }
 
     /// Exact residuals at a point.
@@ -238,67 +156,26 @@ impl Fitter<'_> {
         if !value.is_finite() {
             return Ok(None);
         }
-        // Each column, and the point at which it was taken.
-        let borrowed = |(like, at): &(&Hypothesis, Arc<Vec<f64>>), c: usize| {
-            like.free.iter().position(|&f| f == c).map(|k| (like.columns[k].clone(), at.clone()))
-        };
-        let own = |k: usize| effects.contains(&self.coordinates.all[free[k]].effect);
-        let swings = |k: usize| own(k) && self.shows_in_swings(self.coordinates.all[free[k]].effect);
-        let like = like.map(|like| (like, Arc::new(like.u.clone())));
-        let mut columns: Vec<Option<(Column, Arc<Vec<f64>>)>> =
-            (0..free.len()).map(|k| like.as_ref().filter(|_| !swings(k)).and_then(|like| borrowed(like, free[k]))).collect();
-        let (links_of_joints, steps) = match following {
-            Following::Settled | Following::Held => (Links::Settled, STEPS_MAX),
-            Following::RolledOut => (Links::RolledOut, CLOSE_STEPS_MAX),
-            Following::AllRolledOut => (Links::RolledOut, STEPS_MAX),
-        };
-        // What does not change how joints follow has the same slopes either way.
-        let all = following == Following::AllRolledOut;
-        let own_follows = |k: usize| own(k) && (!all || self.followed(self.coordinates.all[free[k]].effect).is_some());
-        let of_joints = |k: usize| own_follows(k) || self.follows_as(free[k], &effects, start, following);
-        let links_of = |k: usize| {
-            if swings(k) {
-                Links::RolledOut
-            } else if of_joints(k) {
-                links_of_joints
-            } else {
-                Links::Settled
-            }
-        };
-        let follows = |k: usize| self.followed(self.coordinates.all[free[k]].effect).is_some();
+        let mut slopes = Slopes::begun(self, &effects, &free, start, like, following);
+        let of_joints = slopes.of_joints();
+        let steps = if following == Following::RolledOut { CLOSE_STEPS_MAX } else { STEPS_MAX };
         let mut damping = DAMPING[0];
         let mut holds = following == Following::Held;
         let mut information = DMatrix::zeros(0, 0);
         // What the fit had come to when slopes were last taken anew, and whether they are to be.
         let (mut renewed, mut renews): (Option<f64>, bool) = (None, false);
         for _ in 0..steps {
-            // Slopes by what belongs to a law go by how much there is of it: where friction holds nothing, it does not matter where it held a joint.
-            let has_moved = |k: usize, at: &[f64]| {
-                let most = if own(k) { 0.0 } else { MOVED };
-                let moved = |c: usize| (u[c] - at[c]).abs() > most;
-                let coordinate = self.coordinates.all[free[k]];
-                let is_of_law = coordinate.is_unknown() || !self.scale(free[k]).is_size();
-                moved(free[k]) || is_of_law && self.coordinates.of(coordinate.effect).any(moved)
-            };
-            let is_stale = |k: usize| columns[k].as_ref().is_none_or(|(_, at)| has_moved(k, at) || renews && follows(k) && **at != u);
-            let stale: Vec<usize> = (0..free.len()).filter(|&k| is_stale(k)).collect();
+            slopes.take_anew(&u, renews)?;
             renews = false;
-            let here = Arc::new(u.clone());
-            for links in [Links::Settled, Links::RolledOut] {
-                let stale: Vec<usize> = stale.iter().copied().filter(|&k| links_of(k) == links).collect();
-                let coordinates: Vec<usize> = stale.iter().map(|&k| free[k]).collect();
-                for (&k, column) in stale.iter().zip(self.slopes(&u, &coordinates, links)?) {
-                    columns[k] = Some((column, here.clone()));
-                }
-            }
-            let known: Vec<&[f64]> = columns.iter().flatten().map(|(column, _)| column.as_slice()).collect();
+            let columns = slopes.columns();
+            let known: Vec<&[f64]> = columns.iter().map(|column| column.as_slice()).collect();
             information = gram(&known);
             let score = DVector::from_iterator(free.len(), known.iter().map(|column| dot(column, &residuals)));
             let at = DVector::from_iterator(free.len(), free.iter().map(|&c| u[c]));
             let mut gradient = score - precision.component_mul(&at);
             let mut curvature = &information + DMatrix::from_diagonal(&precision);
             if holds {
-                for k in (0..free.len()).filter(|&k| of_joints(k)) {
+                for &k in &of_joints {
                     gradient[k] = 0.0;
                     curvature.row_mut(k).fill(0.0);
                     curvature.column_mut(k).fill(0.0);
@@ -324,11 +201,10 @@ impl Fitter<'_> {
                 damping *= 30.0;
             }
             if before - value < PROMISE_MIN.max(PART_MIN * value) {
-                let is_old = |k: usize| follows(k) && columns[k].as_ref().is_some_and(|(_, at)| **at != u);
-                if !holds && damping >= DAMPING[1] && (0..free.len()).any(of_joints) {
+                if !holds && damping >= DAMPING[1] && !of_joints.is_empty() {
                     // Slopes of settled links may promise what no step keeps, and keep the others from what they promise.
                     (holds, damping) = (true, DAMPING[0]);
-                } else if renewed.is_none_or(|then| then - value > RENEWED_MIN) && (0..free.len()).any(is_old) {
+                } else if renewed.is_none_or(|then| then - value > RENEWED_MIN) && slopes.are_old(&u) {
                     (renewed, renews, damping) = (Some(value), true, DAMPING[0]);
                 } else {
                     break;
@@ -336,10 +212,7 @@ impl Fitter<'_> {
             }
         }
         let Some((evidence, covariance)) = evidence(&information, &precision, value) else { return Ok(None) };
-        let columns: Vec<Column> = columns.into_iter().flatten().map(|(column, _)| column).collect();
-        if columns.len() != free.len() {
-            return Ok(None);
-        }
+        let columns = slopes.columns();
         let mut hypothesis = Hypothesis { effects, u, free, covariance, evidence, residuals, columns };
         hypothesis.evidence += self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &|c| hypothesis.std(c));
         Ok(Some(hypothesis))

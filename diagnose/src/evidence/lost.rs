@@ -19,9 +19,10 @@ use raven::Result;
 use raven::effects::{Effect, Scale, Sited};
 use rayon::prelude::*;
 
-use super::fit::{Fitter, Following, Hypothesis, cost};
+use super::fit::{Fitter, Hypothesis, cost};
 use super::outcome::Outcome;
 use super::search::{HOPE_NATS, WITHIN_NATS};
+use super::slopes::Following;
 
 /// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
 pub(super) const LOST_NATS: f64 = 1.0;

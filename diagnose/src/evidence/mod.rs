@@ -18,6 +18,7 @@ pub mod rows;
 pub mod screen;
 pub mod search;
 pub mod sizes;
+mod slopes;
 pub mod tied;
 pub mod told;
 mod weighing;

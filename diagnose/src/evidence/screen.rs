@@ -8,9 +8,10 @@ use raven::Result;
 use raven::effects::{Channel, Parameter, Scale};
 use rayon::prelude::*;
 
-use super::fit::{Column, Fitter, Hypothesis, gram};
+use super::fit::{Fitter, Hypothesis, gram};
 use super::linear::{dot, evidence, minimum};
 use super::rows::{ALL, Links};
+use super::slopes::Column;
 
 /// A hypothesis as the screen saw it.
 #[derive(Debug, Clone)]

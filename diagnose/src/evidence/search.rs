@@ -47,9 +47,14 @@ impl Fitter<'_> {
     /// `u` of the nominal model with the effects of a hypothesis and nothing else.
     #[must_use]
     pub fn effects_alone(&self, hypothesis: &Hypothesis) -> Vec<f64> {
-        let mut u = self.nowhere();
-        hypothesis.effects.iter().flat_map(|&effect| self.coordinates.of(effect)).for_each(|c| u[c] = hypothesis.u[c]);
-        u
+        self.taking(&self.nowhere(), &hypothesis.effects, &hypothesis.u)
+    }
+
+    /// `u` with some effects' numbers from elsewhere.
+    pub(super) fn taking(&self, u: &[f64], effects: &[usize], from: &[f64]) -> Vec<f64> {
+        let mut taking = u.to_vec();
+        effects.iter().flat_map(|&effect| self.coordinates.of(effect)).for_each(|c| taking[c] = from[c]);
+        taking
     }
 
     /// `u` where effects that have nothing but a shape and are not there are there as mildly as they can be.
@@ -61,9 +66,7 @@ impl Fitter<'_> {
 
     /// `u` where one effect is as the nominal model has it.
     pub(super) fn without(&self, effect: usize, u: &[f64]) -> Vec<f64> {
-        let (mut without, nowhere) = (u.to_vec(), self.nowhere());
-        self.coordinates.of(effect).for_each(|c| without[c] = nowhere[c]);
-        without
+        self.taking(u, &[effect], &self.nowhere())
     }
 
     /// Looks for the most probable hypothesis; `None` where not even the nominal model can be evaluated. `each` hears of every step.

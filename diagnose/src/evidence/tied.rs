@@ -52,9 +52,7 @@ impl Fitter<'_> {
             };
             let behind: Vec<usize> = ties.iter().filter(behind).copied().collect();
             for other in behind {
-                let known = &outcome.fitted[&instead(&other)].0;
-                let mut start = self.without(effect, &best.u);
-                self.coordinates.of(other).for_each(|c| start[c] = known.u[c]);
+                let start = self.taking(&self.without(effect, &best.u), &[other], &outcome.fitted[&instead(&other)].0.u);
                 if let Some(hypothesis) = self.fit(&instead(&other), &start, Some(&best))? {
                     outcome.keep(&hypothesis);
                 }
@@ -96,12 +94,7 @@ impl Fitter<'_> {
         others.sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
         others.truncate(AS_GOOD_ALONE);
         let without = self.without(effect, &hypothesis.u);
-        let start = |(other, alone): (usize, &Hypothesis)| {
-            let mut start = without.clone();
-            self.coordinates.of(other).for_each(|c| start[c] = alone.u[c]);
-            (other, start)
-        };
-        others.into_iter().map(start).collect()
+        others.into_iter().map(|(other, alone)| (other, self.taking(&without, &[other], &alone.u))).collect()
     }
 
     /// What the library ties to an effect of a hypothesis, at the places where it shows.

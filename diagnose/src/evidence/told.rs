@@ -32,8 +32,7 @@ impl Fitter<'_> {
             let without = self.fitted_as(&without, &point)?.unwrap_or(without);
             // With one more effect it can do no worse: where it got lost on the way it starts again from there.
             if without.evidence > point.evidence {
-                let mut start = without.u.clone();
-                self.coordinates.of(left_out).for_each(|c| start[c] = point.u[c]);
+                let start = self.taking(&without.u, &[left_out], &point.u);
                 let again = self.fit(&point.effects, &start, Some(&without))?;
                 point = again.filter(|again| again.evidence > point.evidence).unwrap_or(point);
             }
