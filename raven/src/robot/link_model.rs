@@ -10,7 +10,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::grip::Grip;
-use super::{Arm, JointType};
+use super::{Arm, JointType, SteadyMotion};
 
 /// Speed below which Coulomb friction fades, per joint [rad/s, rad/s, m/s]: a tenth of the slowest motion that matters here.
 pub const STICTION_SPEED: [f64; 3] = [5e-3, 5e-3, 1e-3];
@@ -239,35 +239,44 @@ impl LinkModel {
     /// The stretch is so small that gravity at the rigid position is gravity at the stretched one to second order; two passes suffice.
     #[must_use]
     pub fn settled(&self, motor: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
-        let drag = |tension: &Vector3<f64>| Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j]);
-        self.settled_under(motor, drag, &Vector3::zeros()).0
+        let creeping = |tension: &Vector3<f64>| Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j]);
+        self.settled_under(motor, |joint, tension| self.arm.dynamics.gravity(joint) + creeping(tension), &Vector3::zeros()).0
     }
 
-    /// The links at rest: where the cables have them, or as a recording that begins finds them, with cables that have not stretched by all
-    /// they will, and gripped by friction that lets them lag behind.
-    pub(super) fn resting(&self, motor: &Vector3<f64>, begins: bool, gripped: bool) -> LinkState {
+    /// The links as motors begin to be known: moving as cables that stretch no further drag them, those at rest where the cables have them, or as
+    /// a recording that begins finds them, with cables that have not stretched by all they will, and gripped by friction that lets them lag
+    /// behind.
+    pub(super) fn starting(&self, motor: &SteadyMotion, begins: bool, gripped: bool) -> LinkState {
+        let transmission = &self.arm.transmission;
+        let [rate, acceleration] = [motor.rate, motor.acceleration].map(|of_motor| transmission.joint_rate_from_motor(&of_motor));
+        let moves = Vector3::from_fn(|j, _| if rate[j].abs() > MOVES * self.arm.stiction_speed(j) { 1.0 } else { 0.0 });
+        let [rate, acceleration] = [rate, acceleration].map(|of_joint| of_joint.component_mul(&moves));
         let at_start = |part: &dyn Fn(usize) -> f64| Vector3::from_fn(|j, _| if begins { part(j) } else { 0.0 });
         let fresh = at_start(&|j| self.arm.cables[j].fresh_part);
         let lag = at_start(&|j| if gripped { self.arm.link_friction[j].lag_at_start } else { 0.0 });
-        let drag = |tension: &Vector3<f64>| self.holding_n(tension).component_mul(&lag);
-        let (position, tension) = self.settled_under(motor, drag, &fresh);
-        LinkState { anchor: gripped.then(|| self.grip.anchor(&position, &drag(&tension))), ..LinkState::new(position, Vector3::zeros()) }
+        let way = Vector3::from_fn(|j, _| if moves[j] > 0.0 { rate[j].signum() } else { lag[j] });
+        let held = |tension: &Vector3<f64>| if gripped { self.holding_n(tension).component_mul(&way) } else { Vector3::zeros() };
+        let load = |joint: &Vector3<f64>, tension: &Vector3<f64>| {
+            let (mass, bias) = self.arm.dynamics.mass_and_bias(joint, &rate);
+            mass * acceleration + bias + self.friction(&rate, tension) + held(tension)
+        };
+        let (position, tension) = self.settled_under(&motor.angle, load, &fresh);
+        LinkState { anchor: gripped.then(|| self.grip.anchor(&position, &held(&tension))), ..LinkState::new(position, rate) }
     }
 
-    /// Joint angles at which the cables hold the links against gravity and a drag that may depend on their tension, and that tension [N];
-    /// cables of which a part of the stretch is not there yet as if it were.
+    /// Joint angles at which the cables hold the links against a load [N m, N m, N] that may depend on these angles and on the cables' tension, and
+    /// that tension [N]; cables of which a part of the stretch is not there yet as if it were.
     fn settled_under(
         &self,
         motor: &Vector3<f64>,
-        drag: impl Fn(&Vector3<f64>) -> Vector3<f64>,
+        load: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>,
         fresh: &Vector3<f64>,
     ) -> (Vector3<f64>, Vector3<f64>) {
         let rigid = self.arm.transmission.joint_from_motor(motor);
         let mut joint = rigid;
         let mut tension = Vector3::zeros();
         for _ in 0..2 {
-            let load = self.arm.dynamics.gravity(&joint) + drag(&tension);
-            tension = self.arm.transmission.tension_n(&load);
+            tension = self.arm.transmission.tension_n(&load(&joint, &tension));
             let stretch = Vector3::from_fn(|j, _| self.arm.cables[j].static_stretch_m(tension[j]) * (1.0 - fresh[j]));
             joint = rigid - self.arm.transmission.joint_lag(&stretch);
         }
@@ -277,6 +286,9 @@ impl LinkModel {
 
 /// Product of pole and step up to which order-four Runge-Kutta is accurate; it is stable up to 2.78.
 const RUNGE_KUTTA_REACH: f64 = 2.2;
+
+/// A joint moves as motors begin to be known if it is so many times as fast as friction needs to be whole: what is slower may be encoders' steps.
+const MOVES: f64 = 2.0;
 
 /// Time over which steps share their rigid-body terms [s].
 const RIGID_S: f64 = 2e-3;

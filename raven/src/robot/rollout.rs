@@ -76,6 +76,18 @@ impl MotorTrack {
         (1..=k).rev().find(|&i| self.time_s[i] - self.time_s[i - 1] > PAUSE_MAX_S).unwrap_or(0)
     }
 
+    /// Motion at sample `k`, with which a stretch without pauses begins: on the parabola through what it comes to after 20 ms and twice that; at
+    /// rest where it is shorter.
+    fn first(&self, k: usize) -> SteadyMotion {
+        let angle = self.angle[k];
+        let [after, later] = [1.0, 2.0].map(|h| self.at(self.time_s[k] + h * HALF_WINDOW_S).map(|(angle, _)| angle - self.angle[k]));
+        let (Some(after), Some(later)) = (after, later) else {
+            return SteadyMotion { angle, rate: Vector3::zeros(), acceleration: Vector3::zeros() };
+        };
+        let rate = (4.0 * after - later) / (2.0 * HALF_WINDOW_S);
+        SteadyMotion { angle, rate, acceleration: (later - 2.0 * after) / HALF_WINDOW_S.powi(2) }
+    }
+
     fn rate(&self, k: usize) -> Vector3<f64> {
         (self.angle[k + 1] - self.angle[k]) / (self.time_s[k + 1] - self.time_s[k])
     }
@@ -104,7 +116,7 @@ impl LinkModel {
     /// Link states at `times_s` (sorted), the motors following `driving`, behind the play of friction that holds; `None` at times outside the
     /// track and in its pauses.
     ///
-    /// They start at rest as the file has them, and after each pause where the cables hold them.
+    /// They start as the file has them, and after each pause where the cables hold them; in a motion, if that has begun.
     #[must_use]
     pub fn rollout(&self, driving: &MotorTrack, times_s: &[f64]) -> Vec<Option<LinkState>> {
         self.rolled(driving, times_s, false, true)
@@ -129,7 +141,7 @@ impl LinkModel {
             let goes_on = |rolling: &Rolling| (rolling.interval..interval).all(|k| motor.time_s[k + 1] - motor.time_s[k] <= PAUSE_MAX_S);
             let mut now = rolling.take().filter(goes_on).unwrap_or_else(|| {
                 let start = motor.segment_start(interval);
-                Rolling::from(start, motor.time_s[start], self.resting(&motor.angle[start], begins && start == 0, gripped))
+                Rolling::from(start, motor.time_s[start], self.starting(&motor.first(start), begins && start == 0, gripped))
             });
             while now.end_s() < time_s {
                 now.go_on(self, motor);
@@ -219,7 +231,7 @@ mod tests {
     fn between_motor_samples_links_are_where_shorter_steps_bring_them() {
         let (links, motor) = driven();
         let times: Vec<f64> = (1..3900).map(|k| 1e-3 * f64::from(k) + 0.3e-3).collect();
-        let mut followed = links.resting(&motor.angle[0], true, true);
+        let mut followed = links.starting(&motor.first(0), true, true);
         let mut before_s = 0.0;
         let misses: Vec<f64> = (links.rollout_gripped(&motor, &times).iter().zip(&times))
             .map(|(rolled, &time_s)| {
@@ -232,6 +244,32 @@ mod tests {
         let worst = misses.iter().fold(0.0_f64, |worst, miss| worst.max(miss.abs())) / count;
         let rms = crate::stats::rms(&misses).unwrap() / count;
         assert!(worst < 0.02 && rms < 0.002, "{worst} and {rms} of an encoder's count");
+    }
+
+    #[test]
+    fn links_that_are_first_seen_in_a_motion_are_as_if_they_had_been_seen_before() {
+        let (links, motor) = driven();
+        let elbow_n = |motor: &MotorTrack, state: &LinkState, time_s: f64| {
+            let (angle, rate) = motor.at(time_s).unwrap();
+            let transmission = &links.arm().transmission;
+            let (stretch, stretch_rate) =
+                (transmission.stretch_m(&angle, &state.position), transmission.stretch_rate_m_s(&rate, &state.rate));
+            links.arm().cables[1].force(stretch[1], stretch_rate[1])
+        };
+        // Near the middle, up and down, and where the elbow is slowed down most while it moves.
+        for first in [1050, 1570, 1200] {
+            let seen = MotorTrack { time_s: motor.time_s[first..].to_vec(), angle: motor.angle[first..].to_vec() };
+            let times: Vec<f64> = (1..50).map(|k| motor.time_s[first] + 1e-3 * f64::from(k)).collect();
+            let tension_n = |motor: &MotorTrack| {
+                let states = links.rollout_gripped(motor, &times);
+                states.iter().zip(&times).map(|(state, &time_s)| elbow_n(motor, &state.unwrap(), time_s)).collect::<Vec<_>>()
+            };
+            let (before, now) = (tension_n(&motor), tension_n(&seen));
+            let off: Vec<f64> = before.iter().zip(&now).map(|(before, now)| before - now).collect();
+            let dry_n = links.arm().dry_friction_n(1, 0.0) / links.arm().transmission.link_radius_m[1];
+            let rms_n = crate::stats::rms(&off).unwrap();
+            assert!(rms_n < 0.02 * dry_n, "from sample {first} on {rms_n} N of a dry friction of {dry_n} N");
+        }
     }
 
     #[test]
