@@ -210,8 +210,8 @@ impl Fitter<'_> {
     ///
     /// Joints that stick here or there make the misfit jagged: of two fits that end a hair apart one may be ten nats higher, and one may stop on
     /// its way. That is no evidence for an effect. This one can be where the other is, at the price of the other's effects as strained numbers of
-    /// the nominal model, and of those that it lacks as none, as far as the other's curvature tells. It is lost if it is farther behind; where
-    /// something is lacking, it may be if it is hardly behind.
+    /// the nominal model, and of those that it lacks as none, as far as the other's curvature tells. It is lost if it is farther behind; if it is
+    /// hardly behind it may be as well, and the other's effects stay as it has them.
     pub(super) fn fitted_as(&self, hypothesis: &Hypothesis, better: &Hypothesis) -> Result<Option<Hypothesis>> {
         let behind = better.evidence - hypothesis.evidence;
         let strain = |c: usize, h: &Hypothesis| 0.5 * self.over_prior_squared(c, better.u[c], &h.effects);
@@ -220,11 +220,13 @@ impl Fitter<'_> {
         let is_lacking = |&k: &usize| !hypothesis.free.contains(&better.free[k]) && !self.scale(better.free[k]).is_state();
         let lacking: Vec<usize> = (0..better.free.len()).filter(is_lacking).collect();
         let is_lost = behind > price + self.nats_from_none(better, &lacking);
-        if !is_lost && (lacking.is_empty() || behind >= WITHIN_NATS) {
+        if !is_lost && behind >= WITHIN_NATS {
             return Ok(None);
         }
+        let takes = |effect: usize| is_lost || hypothesis.effects.contains(&effect) || !better.effects.contains(&effect);
+        let taken = hypothesis.free.iter().filter(|&&c| takes(self.coordinates.all[c].effect));
         let mut start = hypothesis.u.clone();
-        hypothesis.free.iter().for_each(|&c| start[c] = better.u[c]);
+        taken.for_each(|&c| start[c] = better.u[c]);
         let again = self.fit(&hypothesis.effects, &start, Some(better))?;
         Ok(again.filter(|again| again.evidence > hypothesis.evidence))
     }
