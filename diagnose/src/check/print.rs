@@ -31,7 +31,10 @@ impl fmt::Display for Score {
             ("expected calibration error", self.ece.map(|ece| format!("{ece:.3}"))),
             ("Brier score", self.brier.map(|brier| format!("{brier:.3}"))),
             ("time per recording, mean", self.seconds_mean.map(|seconds| format!("{seconds:.1} s"))),
-            ("time per recording, longest", self.seconds_longest.map(|seconds| format!("{seconds:.1} s"))),
+            (
+                "time per recording, longest",
+                self.seconds_longest.zip(self.slowest.as_ref()).map(|(seconds, name)| format!("{seconds:.1} s, {name}")),
+            ),
         ];
         for (what, number) in numbers {
             writeln!(f, "{what:<44} {}", number.unwrap_or_else(|| "-".to_owned()))?;

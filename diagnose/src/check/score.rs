@@ -73,6 +73,8 @@ pub struct Score {
     pub seconds_mean: Option<f64>,
     /// Longest time [s].
     pub seconds_longest: Option<f64>,
+    /// The recording that took it.
+    pub slowest: Option<String>,
     /// Answers by what is true.
     pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
     /// Recordings answered wrongly: name, truth, answer.
@@ -86,11 +88,11 @@ impl Score {
         let mut score = Self { format: "raven-check/1", ..Self::default() };
         let mut claims = Vec::new();
         let mut closed: [Vec<[f64; 2]>; 2] = Default::default();
-        let mut seconds = Vec::new();
+        let mut taken: Vec<(f64, &str)> = Vec::new();
         for answer in answers {
             let Some(label) = labels.get(&answer.name) else { continue };
             score.recordings += 1;
-            seconds.push(answer.seconds);
+            taken.push((answer.seconds, &answer.name));
             let case = Case { label, truth: label.effects.iter().map(|effect| names.labelled(effect)).collect(), names };
             let verdict = answer.verdict.as_ref().ok();
             score.failed += usize::from(verdict.is_none());
@@ -126,8 +128,10 @@ impl Score {
             let [by_verdict, when_told] = [0, 1].map(|side| closed.iter().map(|pair| pair[side]).sum::<f64>());
             (when_told > 0.0).then(|| by_verdict / when_told)
         });
-        score.seconds_mean = (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64);
-        score.seconds_longest = seconds.iter().copied().reduce(f64::max);
+        score.seconds_mean = (!taken.is_empty()).then(|| taken.iter().map(|(seconds, _)| seconds).sum::<f64>() / taken.len() as f64);
+        if let Some((seconds, name)) = taken.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)) {
+            (score.seconds_longest, score.slowest) = (Some(seconds), Some(name.to_owned()));
+        }
         score
     }
 

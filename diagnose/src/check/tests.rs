@@ -84,6 +84,7 @@ fn every_kind_of_recording_is_counted_where_it_belongs() {
     assert_eq!(score.sizes.effects, 5);
     assert_relative_eq!(score.sizes.median_relative_error.unwrap(), 0.01, epsilon = 1e-9);
     assert_relative_eq!(score.seconds_mean.unwrap(), 5.0);
+    assert_eq!(score.slowest.as_deref(), Some("r10"));
     assert_eq!(score.confusion["pulley-radius"]["pulley-radius elsewhere"], 1);
     assert_eq!(score.confusion["2 effects"]["1 right, 0 wrong"], 1);
     assert_eq!(score.confusion["outside: tool-contact"]["unexplained"], 1);
