@@ -6,6 +6,7 @@ use raven::robot::{Robot, nominal};
 
 use super::coordinates::Coordinates;
 use super::fit::Fitter;
+use super::linear::dot;
 use super::rows::{Links, Observed, Setting};
 
 /// Tips that see some effects at their places, and nothing else that could be off.
@@ -363,4 +364,30 @@ fn a_large_effect_is_found_of_which_slopes_say_less_than_of_others() {
         (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
     });
     assert_eq!(rows.named(), ["payload", "rolling-shutter"]);
+}
+
+#[test]
+fn a_fit_that_stopped_short_goes_on_from_where_one_came_to_with_a_strained_number_more() {
+    // A hard stop that is nine of its tolerances off is worth four nats, and a payload's fit had stopped some nats short without it.
+    let effects = [("joint-offset", [0, 0]), ("payload", [0, 0])];
+    let nothing = Seen::new(&effects[..1], |_: &[Option<&[f64]>], _| vec![0.0; ROWS]);
+    let off = 9.0 * Coordinates::new(&nothing.robot, &nothing).all[0].spike.unwrap();
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let [offset, loaded] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let row = |k: f64| k.sin() * (1.0 - loaded) + 0.054 * (2.0 * k).sin() * (1.0 - offset / off);
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let [offset, payload] = effects.map(|(id, _)| coordinates.sited.iter().position(|sited| sited.effect.id == id).unwrap());
+    let fitted = |effects: &[usize]| fitter.fit(effects, &fitter.nowhere(), None).unwrap().unwrap();
+    let [whole, better] = [fitted(&[payload]), fitted(&[offset, payload])];
+    let mut stopped = whole.clone();
+    let [offset_at, payload_at] = [offset, payload].map(|effect| coordinates.of(effect).next().unwrap());
+    stopped.u[payload_at] -= 0.1;
+    stopped.residuals = fitter.exact(&stopped.u).unwrap();
+    stopped.evidence -= 0.5 * (dot(&stopped.residuals, &stopped.residuals) - dot(&whole.residuals, &whole.residuals));
+    assert!(better.evidence > stopped.evidence + 5.0 && better.u[offset_at] > 0.5 * off);
+    let again = fitter.fitted_as(&stopped, &better).unwrap().unwrap();
+    approx::assert_relative_eq!(again.evidence, whole.evidence, epsilon = 0.01);
 }
