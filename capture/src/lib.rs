@@ -3,6 +3,7 @@
 pub mod camera;
 pub mod check;
 pub mod clock;
+pub mod cut;
 pub mod devices;
 pub mod import;
 pub mod record;
@@ -33,6 +34,8 @@ pub struct Args {
 pub enum Command {
     /// Say what is in a log, what is missing, and repair one that was cut off.
     Check(check::Args),
+    /// Cut a part out of a log.
+    Cut(cut::Args),
     /// Turn a ROS 1 bag, or a folder of image pairs, into a recording.
     Import(import::Args),
     /// Record cameras and topics of a ROS 1 robot, byte for byte.
@@ -48,6 +51,7 @@ pub enum Command {
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     match args.command {
         Command::Check(args) => check::run(&args, out),
+        Command::Cut(args) => cut::run(&args, out),
         Command::Import(args) => import::run(&args, out),
         Command::Record(args) => record::run(&args, out),
         Command::Simulate(args) => simulate::run(&args, out),

@@ -22,7 +22,7 @@ const MEMORY_MB: f64 = 1000.0;
 type Ends = fn(&Path, &str) -> Result<(), String>;
 
 /// Every program that reads logs, and whether it reads images.
-const PROGRAMS: [(&str, bool, Ends); 10] = [
+const PROGRAMS: [(&str, bool, Ends); 11] = [
     ("check of images", true, |at, log| typed(at, raven_capture::run, &["check", log, "--json", "{out}"]).map(drop)),
     ("check", false, |at, log| typed(at, raven_capture::run, &["check", log, "--json", "{out}"]).map(drop)),
     ("recover", true, |at, log| {
@@ -30,6 +30,7 @@ const PROGRAMS: [(&str, bool, Ends); 10] = [
         assert_eq!(Survey::of(&at.join("out")).unwrap().damage, None, "what was recovered is damaged");
         Ok(())
     }),
+    ("cut", false, |at, log| typed(at, raven_capture::run, &["cut", log, "--from", "0.3", "-o", "{out}"]).map(drop)),
     ("import", false, |at, log| typed(at, raven_capture::run, &["import", log, "-o", "{out}"]).map(drop)),
     ("cameras", true, |at, log| {
         typed(at, raven_calibrate::run, &["cameras", log, "--board", "9x6", "--square", "0.012", "-o", "{out}"]).map(drop)

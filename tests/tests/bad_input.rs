@@ -164,5 +164,7 @@ fn what_is_read_is_never_written_over() {
         let simulated = ["simulate", "--motion", "hardstop", "--duration", "1", "-o", "{never.mcap}", option, "{robot.yaml}"];
         fails(raven_capture::run, &[simulated.as_slice(), &robot].concat(), &[option, "written over"]);
     }
+    fails(raven_capture::run, &["cut", "{log.mcap}", "-o", "{log.mcap}"], &["-o", "written over"]);
+    fails(raven_capture::run, &["cut", "{log.mcap}", "-o", "{never.mcap}", "--json", "{log.mcap}"], &["--json", "written over"]);
     fails(raven_diagnose::check::run, &[["--verdicts", "{robot.yaml}"], robot].concat(), &["--verdicts", "written over"]);
 }

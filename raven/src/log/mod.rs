@@ -9,6 +9,8 @@ pub mod topics;
 
 mod clock;
 mod converter;
+mod copy;
+mod cut;
 mod frames;
 mod header;
 mod joints;
@@ -35,6 +37,7 @@ mod write_protobuf;
 mod writer;
 
 pub use clock::ClockSurvey;
+pub use cut::{Cut, cut};
 pub use frames::{CameraFrame, FrameData, Side, frame_stamps, frames};
 pub use jpeg::is_truncated_jpeg;
 pub use lag::Lag;

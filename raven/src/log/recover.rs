@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use super::{Damage, Item, LogWriter, Walker};
-use crate::{Error, Result, files};
+use super::Damage;
+use super::copy::Copy;
+use crate::{Error, Result};
 
 /// What was saved.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -23,38 +24,13 @@ pub struct Recovery {
 /// # Errors
 /// If `input` cannot be read or is no MCAP file, or `output` exists or cannot be written.
 pub fn recover(input: &Path, output: &Path) -> Result<Recovery> {
-    let mut walker = Walker::open(input)?;
-    files::unused(output)?;
-    let mut writer = None;
-    let mut ids = std::collections::HashMap::new();
-    let mut attachments = 0;
-    walker.run(|item| {
-        let log = match (&mut writer, &item) {
-            (Some(log), _) => log,
-            (None, Item::Start { profile, .. }) => writer.insert(LogWriter::with_profile(output, profile)?),
-            (None, _) => writer.insert(LogWriter::create(output)?),
-        };
-        match item {
-            Item::Start { .. } => Ok(()),
-            Item::Channel(channel) => {
-                ids.insert(channel.id, log.copy_channel(channel)?);
-                Ok(())
-            }
-            Item::Message(message) => match ids.get(&message.channel.id) {
-                Some(&id) => log.copy_message(id, &message),
-                None => Ok(()),
-            },
-            Item::Attachment(attachment) => {
-                attachments += 1;
-                log.copy_attachment(&attachment)
-            }
-            Item::Metadata(name, pairs) => log.metadata(&name, &pairs),
-        }
-    })?;
-    let (messages, expected_messages, damage) = (walker.messages(), walker.expected_messages(), walker.damage().cloned());
-    match writer {
-        Some(log) if messages > 0 => log.finish()?,
-        _ => return Err(Error::file(input, "no message in it can be read: there is nothing to save.")),
-    }
-    Ok(Recovery { messages, expected_messages, attachments, damage })
+    let copy = Copy::new(input, output, |_| true)?;
+    let recovery = Recovery {
+        messages: copy.messages,
+        expected_messages: copy.walker.expected_messages(),
+        attachments: copy.attachments,
+        damage: copy.walker.damage().cloned(),
+    };
+    copy.finish(|| Error::file(input, "no message in it can be read: there is nothing to save."))?;
+    Ok(recovery)
 }
