@@ -22,6 +22,8 @@ pub(super) const STRIDE_S: f64 = 0.02;
 /// An encoder that turns so far [rad] from one sample to the next beyond twice what it does elsewhere in a window has miscounted: no motor
 /// starts as fast, and its torque did not do it.
 const JUMP_RAD: f64 = 0.3;
+/// Samples of a window in which one is looked for where all of a track is.
+const JUMP_SAMPLES: usize = 20;
 
 /// What one recording offers.
 pub struct Data {
@@ -134,14 +136,32 @@ pub(super) fn shaft(motors: &MotorTrack, torque: &[Vector3<f64>], held_s: f64, t
 
 /// Whether any of the motors turns much farther between two samples than between any others.
 fn jumps(angle: &[Vector3<f64>]) -> bool {
-    (0..3).any(|j| {
-        let [mut largest, mut second] = [0.0_f64; 2];
-        for turned in angle.windows(2).map(|pair| (pair[1][j] - pair[0][j]).abs()) {
-            second = second.max(turned.min(largest));
-            largest = largest.max(turned);
+    (0..3).any(|j| jump(angle, j).is_some())
+}
+
+/// The sample before which a motor turns much farther than between any others, if any.
+fn jump(angle: &[Vector3<f64>], j: usize) -> Option<usize> {
+    let [mut largest, mut second] = [0.0_f64; 2];
+    let mut at = 0;
+    for (k, turned) in angle.windows(2).map(|pair| (pair[1][j] - pair[0][j]).abs()).enumerate() {
+        second = second.max(turned.min(largest));
+        if turned > largest {
+            (largest, at) = (turned, k + 1);
         }
-        largest > JUMP_RAD + 2.0 * second
-    })
+    }
+    (largest > JUMP_RAD + 2.0 * second).then_some(at)
+}
+
+/// When an encoder miscounts, as parts of a track: the middle between the samples, the farthest jumps of so many at most first.
+pub(super) fn miscounts(motors: &MotorTrack, j: usize, most: usize) -> Vec<f64> {
+    let (Some(first_s), Some(last_s)) = (motors.time_s.first(), motors.time_s.last()) else { return Vec::new() };
+    let far = |k: usize| (motors.angle[k][j] - motors.angle[k - 1][j]).abs();
+    // Of a window that jumps in its middle, so that each jump is found once.
+    let middle = |(from, angle): (usize, &[Vector3<f64>])| (jump(angle, j)? == JUMP_SAMPLES / 2).then_some(from + JUMP_SAMPLES / 2);
+    let mut at: Vec<usize> = motors.angle.windows(JUMP_SAMPLES).enumerate().filter_map(middle).collect();
+    at.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
+    at.truncate(most);
+    at.into_iter().map(|k| (0.5 * (motors.time_s[k - 1] + motors.time_s[k]) - first_s) / (last_s - first_s)).collect()
 }
 
 #[cfg(test)]
@@ -184,5 +204,22 @@ mod tests {
         let mut miscounted = starting(2e3, 1e-3);
         miscounted[20..].iter_mut().for_each(|angle| angle[0] -= 0.8);
         assert!(jumps(&miscounted));
+    }
+
+    #[test]
+    fn miscounts_are_found_where_they_are() {
+        let time_s: Vec<f64> = (0..1001).map(|k| 2e-3 * f64::from(k)).collect();
+        let read = |&t: &f64| {
+            let miscounted = if t > 0.5 { 0.9 } else { 0.0 } - if t > 1.2 { 2.0 } else { 0.0 };
+            Vector3::new(10.0 * (6.0 * t).sin(), 20.0 * (5.0 * t).cos() + miscounted, 0.0)
+        };
+        let motors = MotorTrack { angle: time_s.iter().map(read).collect(), time_s };
+        let found = miscounts(&motors, 1, 5);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (found, at) in found.iter().zip([0.6005, 0.2505]) {
+            assert!((found - at).abs() < 1e-9, "{found:?}");
+        }
+        assert_eq!(miscounts(&motors, 1, 1).len(), 1);
+        assert!(miscounts(&motors, 0, 5).is_empty() && miscounts(&MotorTrack::default(), 0, 5).is_empty());
     }
 }

@@ -211,11 +211,31 @@ impl Fitter<'_> {
                 }
             }
         }
+        for at_miscount in self.at_miscounts(&free, &u) {
+            let there = self.exact(&at_miscount)?;
+            // What was believed of the moment beforehand does not matter.
+            if dot(&there, &there) <= dot(&residuals, &residuals) {
+                (value, u, residuals) = (cost(&at_miscount, &there), at_miscount, there);
+            }
+        }
         let Some((evidence, covariance)) = evidence(&information, &precision, value) else { return Ok(None) };
         let columns = slopes.columns();
         let mut hypothesis = Hypothesis { effects, u, free, covariance, evidence, residuals, columns };
         hypothesis.evidence += self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &|c| hypothesis.std(c));
         Ok(Some(hypothesis))
+    }
+
+    /// `u` with each moment among the free coordinates where readings alone show a miscount next to it: slopes know of it by what tips see before and
+    /// after.
+    fn at_miscounts(&self, free: &[usize], u: &[f64]) -> Vec<Vec<f64>> {
+        let moved = |&c: &usize| {
+            let seen = self.rows.miscounts(self.coordinates.sited[self.coordinates.all[c].effect].joint_measured());
+            let nearest = seen.into_iter().min_by(|a, b| (a - u[c]).abs().total_cmp(&(b - u[c]).abs()))?;
+            let mut moved = u.to_vec();
+            moved[c] = nearest;
+            Some(moved)
+        };
+        free.iter().filter(|&&c| matches!(self.scale(c), Scale::Moment)).filter_map(moved).collect()
     }
 
     /// A step of a coordinate: not through zero where the number cannot be negative, not out of the recording, not too far at once.

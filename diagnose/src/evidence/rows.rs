@@ -7,7 +7,7 @@ use raven::effects::{Channel, Measure, Model, Shaft, Sited, TipModel, TorqueMode
 use raven::robot::stiction::stirred_s;
 use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 
-use super::data::{Data, STRIDE_S, WINDOW_S};
+use super::data::{Data, STRIDE_S, WINDOW_S, miscounts};
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
 pub(super) const TORQUE_MODEL: f64 = 0.01;
@@ -30,6 +30,8 @@ const SPARED: f64 = 0.1;
 /// Shortest step that a hypothesis may ask of the links, as a part of the nominal model's. The library's dampers go to ten times the file's; a fit
 /// that has lost its way makes them a hundred times as large, whose fast motion shows in no recording and takes as much longer to follow.
 const STEP_MIN: f64 = 0.1;
+/// So many miscounts of an encoder are looked at, the farthest.
+const MISCOUNTS_MAX: usize = 5;
 
 /// Recordings of one robot, and how much each residual weighs.
 #[derive(Clone)]
@@ -89,6 +91,11 @@ pub trait Observed: Sync {
     /// Why an effect could not show whatever the recordings were, if so.
     fn cannot_show(&self, _sited: &Sited) -> Option<&'static str> {
         None
+    }
+
+    /// When the encoder of a joint miscounts, as parts of a recording, as far as it can be seen in its readings alone.
+    fn miscounts(&self, _joint: usize) -> Vec<f64> {
+        Vec::new()
     }
 
     /// Whitened measured less predicted with effects built in; rolled out or, fifty times as fast, settled. Channels that are not asked
@@ -201,6 +208,10 @@ impl Observed for Rows<'_> {
 
     fn has_cameras(&self) -> bool {
         self.cameras.is_some_and(|c| c.base_from_left.is_some())
+    }
+
+    fn miscounts(&self, joint: usize) -> Vec<f64> {
+        self.data.iter().flat_map(|data| miscounts(&data.motors, joint, MISCOUNTS_MAX)).collect()
     }
 
     fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {

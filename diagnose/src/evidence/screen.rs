@@ -202,6 +202,9 @@ impl Fitter<'_> {
         let sizes_vanish = parameters.iter().any(|p| matches!(p.scale, Scale::Offset(_) | Scale::Magnitude(_)));
         // A limit has no slope where nothing reaches it, and far too much where everything does.
         let fine: Vec<f64> = (-10..=8).map(|k| 0.25 * f64::from(k)).collect();
+        let happens = parameters.iter().any(|p| matches!(p.scale, Scale::Moment));
+        let seen = if happens { self.rows.miscounts(self.coordinates.sited[effect].joint_measured()) } else { Vec::new() };
+        let moments: Vec<f64> = (0..10).map(|k| 0.05 + 0.1 * f64::from(k)).chain(seen).collect();
         let is_cheap = self.coordinates.sited[effect].effect.channels == [Channel::Torque];
         let mut starts: Vec<Vec<f64>> = vec![Vec::new()];
         for (parameter, c) in parameters.iter().zip(self.coordinates.of(effect)) {
@@ -228,7 +231,7 @@ impl Fitter<'_> {
                 Scale::State(_) if !sizes_vanish => &[0.0],
                 Scale::State(_) => &[0.0, 1.0],
                 Scale::Whole { .. } => &whole,
-                Scale::Moment => &[0.05, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95],
+                Scale::Moment => &moments,
             };
             starts = starts.iter().flat_map(|start| values.iter().map(move |v| [start.as_slice(), &[*v]].concat())).collect();
         }
