@@ -23,7 +23,8 @@ const ROUNDS_MAX: usize = 5;
 pub(super) const WITHIN_NATS: f64 = 25.0;
 pub(super) const REFITTED: [usize; 2] = [2, 8];
 /// The first so many are, too, if they are no farther behind than slopes were wrong by at the point they were looked at from, or if they would not
-/// be were what the best leaves noise: a joint's zero that is degrees off bends what slopes say of everything, and so does a second effect.
+/// be were what the best leaves noise: a joint's zero that is degrees off bends what slopes say of everything, and so does a second effect. What
+/// is beside two is as many as there may be, and the screen is believed.
 const DOUBTED: usize = 4;
 /// As many where an effect is replaced.
 const REPLACEMENTS: [usize; 2] = [0, 3];
@@ -268,7 +269,8 @@ impl Fitter<'_> {
             let reached = best.map_or(f64::NEG_INFINITY, |best| best.evidence);
             let as_noise = WITHIN_NATS * best.map_or(1.0, |best| self.leftover(best).most());
             let is_near = |(k, c): &(usize, &Candidate)| {
-                let within = if tried + k < DOUBTED { as_noise.max(c.doubt) } else { WITHIN_NATS };
+                let hidden = if c.effects.len() < EFFECTS_MAX { as_noise } else { WITHIN_NATS };
+                let within = if tried + k < DOUBTED { hidden.max(c.doubt) } else { WITHIN_NATS };
                 tried + k < least || c.evidence > reached - within
             };
             let near = batch.iter().enumerate().take_while(is_near).count();
