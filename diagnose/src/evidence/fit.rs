@@ -230,7 +230,7 @@ impl Fitter<'_> {
     fn at_miscounts(&self, free: &[usize], u: &[f64]) -> Vec<Vec<f64>> {
         let moved = |&c: &usize| {
             let seen = self.rows.miscounts(self.coordinates.sited[self.coordinates.all[c].effect].joint_measured());
-            let nearest = seen.into_iter().min_by(|a, b| (a - u[c]).abs().total_cmp(&(b - u[c]).abs()))?;
+            let nearest = seen.iter().copied().min_by(|a, b| (a - u[c]).abs().total_cmp(&(b - u[c]).abs()))?;
             let mut moved = u.to_vec();
             moved[c] = nearest;
             Some(moved)

@@ -49,6 +49,8 @@ pub struct Rows<'a> {
     rubbing: Arm,
     /// Shortest step [s] that links may need.
     step_min_s: f64,
+    /// When each joint's encoder miscounts, as parts of a recording.
+    miscounts: [Vec<f64>; 3],
 }
 
 /// How the links follow.
@@ -94,8 +96,8 @@ pub trait Observed: Sync {
     }
 
     /// When the encoder of a joint miscounts, as parts of a recording, as far as it can be seen in its readings alone.
-    fn miscounts(&self, _joint: usize) -> Vec<f64> {
-        Vec::new()
+    fn miscounts(&self, _joint: usize) -> &[f64] {
+        &[]
     }
 
     /// Whitened measured less predicted with effects built in; rolled out or, fifty times as fast, settled. Channels that are not asked
@@ -128,8 +130,9 @@ impl<'a> Rows<'a> {
             data.sights.iter().map(factor).collect()
         };
         let whiten = data.iter().zip(&loose).map(whiten).collect();
+        let miscounts = [0, 1, 2].map(|j| data.iter().flat_map(|data| miscounts(&data.motors, j, MISCOUNTS_MAX)).collect());
         let step_min_s = STEP_MIN * LinkModel::new(arm.clone()).step_max_s();
-        let mut rows = Self { robot, cameras, data, whiten, torque_weight: Vec::new(), loose, rubbing: arm, step_min_s };
+        let mut rows = Self { robot, cameras, data, whiten, torque_weight: Vec::new(), loose, rubbing: arm, step_min_s, miscounts };
         rows.torque_weight = rows.weighed(&rows.rubbing);
         Ok(rows)
     }
@@ -210,8 +213,8 @@ impl Observed for Rows<'_> {
         self.cameras.is_some_and(|c| c.base_from_left.is_some())
     }
 
-    fn miscounts(&self, joint: usize) -> Vec<f64> {
-        self.data.iter().flat_map(|data| miscounts(&data.motors, joint, MISCOUNTS_MAX)).collect()
+    fn miscounts(&self, joint: usize) -> &[f64] {
+        &self.miscounts[joint]
     }
 
     fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {

@@ -203,8 +203,8 @@ impl Fitter<'_> {
         // A limit has no slope where nothing reaches it, and far too much where everything does.
         let fine: Vec<f64> = (-10..=8).map(|k| 0.25 * f64::from(k)).collect();
         let happens = parameters.iter().any(|p| matches!(p.scale, Scale::Moment));
-        let seen = if happens { self.rows.miscounts(self.coordinates.sited[effect].joint_measured()) } else { Vec::new() };
-        let moments: Vec<f64> = (0..10).map(|k| 0.05 + 0.1 * f64::from(k)).chain(seen).collect();
+        let seen = if happens { self.rows.miscounts(self.coordinates.sited[effect].joint_measured()) } else { &[] };
+        let moments: Vec<f64> = (0..10).map(|k| 0.05 + 0.1 * f64::from(k)).chain(seen.iter().copied()).collect();
         let is_cheap = self.coordinates.sited[effect].effect.channels == [Channel::Torque];
         let mut starts: Vec<Vec<f64>> = vec![Vec::new()];
         for (parameter, c) in parameters.iter().zip(self.coordinates.of(effect)) {

@@ -13,6 +13,7 @@ use super::rows::{ALL, Links};
 const DIFFERENCE: f64 = 0.02;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
 const MOVED: f64 = 0.15;
+
 /// How a fit treats the numbers of how a joint follows its cable: of joints with an effect, unless it says all. A joint that is held by
 /// friction, swings or floats in slack has little to do with the settled one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +44,8 @@ struct Treated {
     c: usize,
     /// Whether it is of an effect of the hypothesis.
     is_own: bool,
+    /// Whether it is of one that shows in how a joint swings.
+    swings: bool,
     /// Whether it is about how a joint follows its cable, and the fit is to know.
     is_of_joints: bool,
     /// Whether its effect is about how a joint follows its cable, which goes by all numbers.
@@ -73,12 +76,12 @@ impl<'f> Slopes<'f> {
                 (false, true) => of_joints,
                 (false, false) => Links::Settled,
             };
-            Treated { c, is_own, is_of_joints, follows, links }
+            Treated { c, is_own, swings, is_of_joints, follows, links }
         };
         let coordinates: Vec<Treated> = free.iter().map(treated).collect();
         let like = like.map(|like| (like, Arc::new(like.u.clone())));
         let borrowed = |of: &Treated| {
-            let (like, at) = like.as_ref().filter(|_| !(of.is_own && fitter.shows_in_swings(fitter.coordinates.all[of.c].effect)))?;
+            let (like, at) = like.as_ref().filter(|_| !of.swings)?;
             let k = like.free.iter().position(|&f| f == of.c)?;
             Some((like.columns[k].clone(), at.clone()))
         };
