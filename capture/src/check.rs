@@ -82,10 +82,9 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 
 /// The report as people read it.
 fn render(survey: &Survey, steps: &[Step]) -> String {
-    let first = survey.topics.iter().filter_map(|topic| topic.quality.first).min();
-    let last = survey.topics.iter().filter_map(|topic| topic.quality.last).max();
-    let span = first.zip(last).map_or_else(String::new, |(first, last)| format!(", {:.3} s from {first}", last.seconds_since(first)));
-    let mut lines = vec![format!("{}: {:.1} MB, {} messages{span}", survey.path.display(), survey.bytes as f64 * 1e-6, survey.messages)];
+    let span = survey.span();
+    let lasts = span.map_or_else(String::new, |[first, last]| format!(", {:.3} s from {first}", last.seconds_since(first)));
+    let mut lines = vec![format!("{}: {:.1} MB, {} messages{lasts}", survey.path.display(), survey.bytes as f64 * 1e-6, survey.messages)];
     lines.extend(survey.damage.iter().map(|damage| format!("DAMAGED: {}.", damage.fault)));
     if !survey.session.is_empty() {
         let pairs: Vec<String> = survey.session.iter().map(|(key, value)| format!("{key} {value}")).collect();
@@ -98,7 +97,7 @@ fn render(survey: &Survey, steps: &[Step]) -> String {
     }
     lines.extend(survey.attachments.iter().map(|file| format!("attachment: {} ({}, {} bytes)", file.name, file.media_type, file.bytes)));
     lines.push(String::new());
-    lines.extend(table(&topic_rows(survey, first), 2));
+    lines.extend(table(&topic_rows(survey, span.map(|[first, _]| first)), 2));
     lines.push(String::new());
     let before_remarks = lines.len();
     lines.extend(camera_table(survey.losses.iter().map(|(side, losses)| (*side, *losses))));

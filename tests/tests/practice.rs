@@ -79,8 +79,6 @@ fn parts_of_recordings_lead_to_the_verdict_of_the_whole() {
 
 /// From the first message to the last [s].
 fn length_s(log: &Path) -> f64 {
-    let survey = raven::log::Survey::of(log).unwrap();
-    let first = survey.topics.iter().filter_map(|topic| topic.quality.first).min().unwrap();
-    let last = survey.topics.iter().filter_map(|topic| topic.quality.last).max().unwrap();
+    let [first, last] = raven::log::Survey::of(log).unwrap().span().unwrap();
     last.seconds_since(first)
 }

@@ -161,6 +161,14 @@ impl Survey {
         Ok(survey)
     }
 
+    /// Stamps of the earliest and of the latest message; `None` without any.
+    #[must_use]
+    pub fn span(&self) -> Option<[Stamp; 2]> {
+        let first = self.topics.iter().filter_map(|topic| topic.quality.first).min()?;
+        let last = self.topics.iter().filter_map(|topic| topic.quality.last).max()?;
+        Some([first, last])
+    }
+
     /// The topic of this name, if it has messages.
     #[must_use]
     pub fn topic(&self, name: &str) -> Option<&TopicSurvey> {
