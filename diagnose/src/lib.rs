@@ -110,10 +110,10 @@ pub fn diagnose_recording(log: &Path, robot: &Robot, cameras: Option<&Cameras>) 
     Ok((&causes(robot, cameras, &[recording])?).into())
 }
 
-/// What a recording says when its effects are told.
+/// What a recording says when its effects are told; `None` where it cannot show one of them.
 ///
 /// # Errors
-/// As [`diagnose_recording`], or if the recording cannot show them.
+/// As [`diagnose_recording`].
 pub fn when_told(log: &Path, robot: &Robot, cameras: Option<&Cameras>, effects: &[(&str, Option<&str>)]) -> Result<Option<check::Told>> {
     let recording = Recording::read(log, &robot.into())?;
     Ok(attribution::when_told(robot, cameras, &[recording], effects)?.as_ref().map(check::Told::from))

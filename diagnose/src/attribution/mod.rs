@@ -200,10 +200,11 @@ pub struct Told {
     pub evidence_nats: f64,
 }
 
-/// What recordings of an arm say when it is told which effects there are, by identifier and place; `None` where the model cannot be fitted.
+/// What recordings of an arm say when it is told which effects there are, by identifier and place; `None` where the model cannot be fitted, or an
+/// effect is not in the library or cannot show in the recordings.
 ///
 /// # Errors
-/// As [`attribute`], or if an effect is not in the library or cannot show in the recordings.
+/// As [`attribute`].
 pub fn when_told(
     robot: &Robot,
     cameras: Option<&Cameras>,
@@ -214,10 +215,9 @@ pub fn when_told(
     let rows = Rows::new(robot, cameras, &data)?;
     let coordinates = Coordinates::new(robot, &rows);
     let of_name = |&(id, joint): &(&str, Option<&str>)| {
-        let at = coordinates.sited.iter().position(|sited| sited.effect.id == id && sited.joint(robot).as_deref() == joint);
-        at.ok_or_else(|| raven::Error::Data(format!("these recordings cannot show `{}`.", words::at(id, joint))))
+        coordinates.sited.iter().position(|sited| sited.effect.id == id && sited.joint(robot).as_deref() == joint)
     };
-    let told = effects.iter().map(of_name).collect::<Result<Vec<usize>>>()?;
+    let Some(told) = effects.iter().map(of_name).collect::<Option<Vec<usize>>>() else { return Ok(None) };
     let fitter = Fitter::new(&rows, &coordinates);
     let fitted = |rows: &Rows| Fitter::new(rows, &coordinates).told(&told);
     let closed = |rows: &Rows, (hypothesis, evidence_nats): (Hypothesis, f64)| {

@@ -194,6 +194,14 @@ fn labels_are_read_after_the_verdicts_are_written() {
 }
 
 #[test]
+fn an_effect_that_no_recording_of_the_robot_can_show_does_not_end_the_check() {
+    let folder = sealed();
+    let log = folder.path().join("r001.mcap");
+    let backwards = ("cable-coupling", Some("elbow->shoulder"));
+    assert!(crate::when_told(&log, &nominal::gold(), None, &[backwards]).unwrap().is_none());
+}
+
+#[test]
 fn changed_labels_are_refused_after_the_commitment() {
     let folder = sealed();
     let path = folder.path().join(LABELS);
