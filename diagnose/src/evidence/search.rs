@@ -122,6 +122,7 @@ impl Fitter<'_> {
                     best = self.beside_none(outcome, best)?;
                 }
                 best = self.followed_closely(outcome, best)?;
+                best = self.resized(outcome, nominal, best)?;
             }
             each();
             // What is lost in scatter will not be named, whatever stands in for the others.
