@@ -94,12 +94,13 @@ class Rig:
     def in_base(self, points):
         return points @ self.base_from_left.T + self.left_in_base
 
-    def pixels(self, side, points, k1=0.0):
-        """Pixels of points in the left camera's frame, with more distortion."""
+    def pixels(self, side, points):
+        """Pixels of points in the left camera's frame."""
         seen = points - np.array([self.baseline_m, 0, 0]) * (side == "right")
-        return self.distorted(side, seen[:, :2] / seen[:, 2:], k1)
+        return self.distorted(side, seen[:, :2] / seen[:, 2:])
 
     def distorted(self, side, rays, k1=0.0):
+        """Pixels of rays, with so much more distortion."""
         return rays * (1 + (self.k1[side] + k1) * (rays**2).sum(1, keepdims=True)) * self.focal_px[side] + self.middle_px[side]
 
     def rays(self, side, pixels):
@@ -200,15 +201,18 @@ class Scene:
         log = self.log
         return np.stack([np.interp(log.seen_s - self.late_s + later_s, log.time_s, log.motors[:, j]) for j in range(3)], 1)
 
+    def here(self, later_s=0.0):
+        """Where tips are seen but for noise, or later [m, left camera]."""
+        return self.rig.in_left(tip(joints(self.motors(later_s)) + self.off))
+
     def moved(self, q, **tool):
         """The joints are elsewhere than a rigid cable has them, and the load with them."""
-        here = self.rig.in_left(tip(joints(self.motors()) + self.off))
-        self.seen(self.rig.in_left(tip(q + self.off, **tool)) - here)
+        self.seen(self.rig.in_left(tip(q + self.off, **tool)) - self.here())
         self.log.torque[:] = np.nan
 
     def seen(self, by):
         """Tips are seen elsewhere [m, left camera]."""
-        here = self.rig.in_left(tip(joints(self.motors()) + self.off))
+        here = self.here()
         self.log.left_px += self.rig.pixels("left", here + by) - self.rig.pixels("left", here)
         self.log.right_px += self.rig.pixels("right", here + by) - self.rig.pixels("right", here)
         self.log.tips += by @ self.rig.base_from_left.T
@@ -222,8 +226,7 @@ class Scene:
 
     def pixels_later(self, side, later_s):
         """What pixels change within a time."""
-        at = lambda later: self.rig.pixels(side, self.rig.in_left(tip(joints(self.motors(later)) + self.off)))
-        return at(later_s) - at(0.0)
+        return self.rig.pixels(side, self.here(later_s)) - self.rig.pixels(side, self.here())
 
 
 # ------------------------------------------------------------------------------------------------------------------- effects
@@ -345,7 +348,7 @@ def camera_rotation(scene, rng):
     cross = np.cross(np.eye(3), axis)
     rotation = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
     pivot = scene.rig.in_left(tip(HARD_STOP[None]))
-    from_pivot = scene.rig.in_left(tip(joints(scene.motors()) + scene.off)) - pivot
+    from_pivot = scene.here() - pivot
     scene.seen(from_pivot @ rotation - from_pivot)
     return None, turn.tolist()
 
@@ -359,7 +362,7 @@ def camera_translation(scene, rng):
 
 def stereo_scale(scene, rng):
     error = either_sign(rng, 0.005, 0.03)
-    here = scene.rig.in_left(tip(joints(scene.motors()) + scene.off))
+    here = scene.here()
     scene.seen(here / (1 + error) - here)
     return None, error
 
