@@ -6,6 +6,8 @@
 //! ```text
 //! gamma = 2 k_e x0 sinh(y / x0) + 2 b_e xdot,   y = x less the nearer end of [-slack / 2, slack / 2], no force within it
 //! ```
+//!
+//! A pair with a dead zone lets its joint go freely: where the damper would outweigh the spring, it hangs slack.
 
 use serde::Deserialize;
 
@@ -48,7 +50,9 @@ impl Cable {
         if taut == 0.0 && half > 0.0 {
             return 0.0;
         }
-        2.0 * (self.stiffness * self.exponent_length * sinh(taut / self.exponent_length) + self.damping * stretch_rate_m_s)
+        let pull = 2.0 * (self.stiffness * self.exponent_length * sinh(taut / self.exponent_length) + self.damping * stretch_rate_m_s);
+        // Slack cannot push.
+        if half > 0.0 && pull * taut < 0.0 { 0.0 } else { pull }
     }
 
     /// Slope of the tension difference by the stretch [N/m] under a static tension difference [N].
@@ -92,6 +96,21 @@ mod tests {
             let slope = (cable.force(at + step, 0.0) - cable.force(at - step, 0.0)) / (2.0 * step);
             approx::assert_relative_eq!(cable.tangent_stiffness(force_n), slope, max_relative = 1e-6);
         }
+    }
+
+    #[test]
+    fn a_slack_pair_lets_its_joint_go_and_stops_it() {
+        let cable = Cable { slack: 2e-3, ..Cable::new(2e4, 50.0) };
+        for side in [1.0, -1.0] {
+            // A tenth of a millimetre beyond the dead zone the spring pulls with 4 N, and the damper makes 1 N of a centimetre per second.
+            let force = |rate_m_s: f64| side * cable.force(side * 1.1e-3, side * rate_m_s);
+            for (rate_m_s, expected_n) in [(0.0, 4.0), (0.01, 5.0), (0.1, 14.0), (-0.01, 3.0), (-0.039, 0.1), (-0.041, 0.0), (-1.0, 0.0)] {
+                approx::assert_relative_eq!(force(rate_m_s), expected_n, epsilon = 1e-5);
+            }
+            assert_eq!(cable.force(side * 0.9e-3, side * 0.1), 0.0);
+        }
+        // A pair without a dead zone is taut on both sides, and its damper holds.
+        assert!(Cable { slack: 0.0, ..cable }.force(1e-4, -0.1) < 0.0);
     }
 
     #[test]
