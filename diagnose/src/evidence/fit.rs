@@ -252,20 +252,21 @@ impl Fitter<'_> {
     }
 
     /// What priors that are not normal add to the evidence [nat], at `u` with posterior deviations `std`: those of sizes ([`sizes`]), of which
-    /// a magnitude's are above zero, where part of the posterior is cut away, and of one among whole numbers.
+    /// a magnitude's are above zero, where part of the posterior is cut away, and of one among whole numbers or moments.
     #[must_use]
     pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
         let of_effect = |&effect: &usize| {
             let found: Vec<(f64, f64)> = self.coordinates.sizes(effect).map(|c| (u(c), std(c))).collect();
             let magnitudes = self.coordinates.sizes(effect).filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
-            // One of so many, which the normal prior of `u` says nothing of.
+            // One of so many, or any, which the normal prior of `u` says nothing of.
             let one_of = |c: usize| match self.scale(c) {
                 Scale::Whole { most } => 0.5 * u(c).powi(2) - f64::from(most).ln(),
+                Scale::Moment => sizes::moment_beyond_normal(u(c), std(c)),
                 _ => 0.0,
             };
-            let whole: f64 = self.coordinates.of(effect).map(one_of).sum();
+            let uniform: f64 = self.coordinates.of(effect).map(one_of).sum();
             let above_zero: f64 = magnitudes.map(|c| (2.0 * normal_cdf(u(c) / std(c)).max(f64::MIN_POSITIVE)).ln()).sum();
-            sizes::beyond_normal(&found) + whole + above_zero
+            sizes::beyond_normal(&found) + uniform + above_zero
         };
         effects.iter().map(of_effect).sum()
     }

@@ -13,6 +13,8 @@
 
 use raven::stats::{chi_log_density, log_normal_log_density, normal_cdf, normal_quantile};
 
+use super::slopes::DIFFERENCE;
+
 /// Median of `r` in slabs, and the deviation of its logarithm.
 const MEDIAN: f64 = 0.8;
 const SPREAD: f64 = 0.8;
@@ -21,6 +23,8 @@ const EXPECTED: f64 = 0.95;
 /// Points of the mean over the posterior, and how many deviations it goes.
 const POINTS: usize = 121;
 const REACH: f64 = 6.0;
+/// Deviation from which on nothing is known of a moment: that of all moments alike, as parts of the recording.
+const UNKNOWN_MOMENT: f64 = 0.29;
 
 /// Part of the sizes that are smaller than `r` slabs.
 #[must_use]
@@ -55,6 +59,17 @@ pub fn beyond_normal(found: &[(f64, f64)]) -> f64 {
     let step = 2.0 * REACH / (POINTS - 1) as f64;
     let mean = logs.iter().map(|l| (l - highest).exp()).sum::<f64>() * step / std::f64::consts::TAU.sqrt();
     highest + mean.ln()
+}
+
+/// What evidence with a normal prior lacks [nat] of a moment, which is anywhere in the recording with the same probability, at `u` of it with a posterior
+/// deviation.
+#[must_use]
+pub fn moment_beyond_normal(u: f64, std: f64) -> f64 {
+    // As wide as all moments is what slopes say nothing of: one before the first tip, say, which is one of those few.
+    let std = std.max(f64::MIN_POSITIVE);
+    let width = if std < UNKNOWN_MOMENT { std } else { DIFFERENCE };
+    let inside = normal_cdf((1.0 - u) / width) - normal_cdf(-u / width);
+    0.5 * (u * u + std::f64::consts::TAU.ln()) + (width / std).ln() + inside.ln()
 }
 
 /// Logarithm of the density of `r` over the one that it has where `n` sizes are normal.
@@ -110,5 +125,19 @@ mod tests {
         }
         assert_relative_eq!(part_below(0.8), 0.5, epsilon = 1e-9);
         assert_relative_eq!(part_below(largest()), 0.95, epsilon = 1e-6);
+    }
+
+    #[test]
+    fn a_moment_is_anywhere_in_the_recording_alike() {
+        // Evidence with the normal prior N(0, 1) of a moment that is known to `std`, and without what is known of it: the density at `u` over all of it.
+        let with_normal = |u: f64, std: f64| std.ln() - 0.5 * u * u;
+        let posterior = |std: f64| (std * std::f64::consts::TAU.sqrt()).ln();
+        for u in [0.2, 0.5, 0.9] {
+            assert_relative_eq!(with_normal(u, 1e-3) + moment_beyond_normal(u, 1e-3), posterior(1e-3), epsilon = 1e-9);
+        }
+        // At the very beginning half of that is outside, and where nothing is known of it, it is still one of few.
+        let at_start = |std: f64| with_normal(0.0, std) + moment_beyond_normal(0.0, std);
+        assert_relative_eq!(at_start(1e-3), posterior(1e-3) + 0.5f64.ln(), epsilon = 1e-9);
+        assert_relative_eq!(at_start(0.999), posterior(DIFFERENCE) + 0.5f64.ln(), epsilon = 1e-9);
     }
 }

@@ -10,7 +10,7 @@ use super::fit::{Fitter, Hypothesis, STRAINED};
 use super::rows::{ALL, Links};
 
 /// Step of difference quotients, in units of the slab, and at most this part of a spike.
-const DIFFERENCE: f64 = 0.02;
+pub(super) const DIFFERENCE: f64 = 0.02;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
 const MOVED: f64 = 0.15;
 
