@@ -179,7 +179,7 @@ impl Fitter<'_> {
     }
 
     /// Takes in hypotheses. Tells whether one of them is better than the best, which it then is.
-    fn taken(&self, outcome: &mut Outcome, fitted: impl Iterator<Item = Hypothesis>) -> bool {
+    pub(super) fn taken(&self, outcome: &mut Outcome, fitted: impl Iterator<Item = Hypothesis>) -> bool {
         let mut other = false;
         for hypothesis in fitted {
             outcome.keep(&hypothesis);

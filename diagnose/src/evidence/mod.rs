@@ -14,6 +14,7 @@ mod lost;
 pub mod outcome;
 mod paired;
 pub mod prior;
+mod rivals;
 pub mod rows;
 pub mod screen;
 pub mod search;

@@ -165,6 +165,7 @@ impl Fitter<'_> {
         if !self.leaves_most(outcome) {
             self.look_closely(outcome)?;
             self.hold_against_ties(outcome)?;
+            self.hold_against_rivals(outcome)?;
         }
         self.temper(outcome);
         Ok(())

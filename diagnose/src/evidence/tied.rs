@@ -37,10 +37,19 @@ impl Fitter<'_> {
             let Some(rest) = self.rest(outcome, &best, &[effect])? else { continue };
             outcome.keep(&rest);
             if !unfitted.is_empty() {
-                let mut candidates = self.screen_some(&rest, rest.evidence, &unfitted)?;
-                candidates.retain(|candidate| candidate.evidence > best.evidence - (TIED_NATS + HOPE_NATS) * shrink);
-                for candidate in candidates {
-                    if let Some(hypothesis) = self.fit(&candidate.effects, &candidate.start, Some(&rest))? {
+                for candidate in self.screen_some(&rest, rest.evidence, &unfitted)? {
+                    // Numbers that make up for an effect are a bad place to look from.
+                    let is_promised = candidate.evidence > best.evidence - (TIED_NATS + HOPE_NATS) * shrink;
+                    let fitted = if is_promised {
+                        self.fit(&candidate.effects, &candidate.start, Some(&rest))?
+                    } else {
+                        self.fit(
+                            &candidate.effects,
+                            &self.taking(&self.without(effect, &best.u), &unfitted, &candidate.start),
+                            Some(&best),
+                        )?
+                    };
+                    if let Some(hypothesis) = fitted {
                         outcome.keep(&hypothesis);
                     }
                 }
@@ -101,8 +110,10 @@ impl Fitter<'_> {
     fn ties_of(&self, hypothesis: &Hypothesis, effect: usize) -> Vec<usize> {
         let sited = &self.coordinates.sited;
         let is_tied = |&other: &usize| {
-            let named = sited[effect].effect.ties.iter().any(|tie| tie.id == sited[other].effect.id);
-            named && sited[other].shows_where(&sited[effect]) && !hypothesis.effects.contains(&other)
+            let names = |one: usize, another: usize| sited[one].effect.ties.iter().any(|tie| tie.id == sited[another].effect.id);
+            (names(effect, other) || names(other, effect))
+                && sited[other].shows_where(&sited[effect])
+                && !hypothesis.effects.contains(&other)
         };
         (0..sited.len()).filter(is_tied).collect()
     }

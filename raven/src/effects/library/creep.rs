@@ -20,6 +20,7 @@ pub const EFFECT: Effect = Effect {
     ties: &[
         Tie::near("cable-slip"),
         Tie::near("missed-counts"),
+        Tie::near("joint-offset"),
         // What creeps within seconds is a soft spring beside the cable's damper.
         Tie::near("cable-stretch").with(|values| vec![1.0 / (1.0 + values[0]), values[2]]),
     ],

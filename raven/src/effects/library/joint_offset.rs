@@ -15,7 +15,12 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, place| robot.joints.get(place.first).map_or(0.0, |joint| robot.tolerances.hard_stop_of(joint.kind))),
     }],
     channels: &[Channel::Tip],
-    ties: &[Tie::near("camera-rotation"), Tie::near("tool-length")],
+    ties: &[
+        Tie::near("camera-rotation"),
+        Tie::near("tool-length"),
+        // A slack joint that lies on one side of its dead zone.
+        Tie::near("backlash").with(|values| vec![2.0 * values[0].abs()]),
+    ],
     separated_by: "poses far apart in all joints; the hard stop approached anew several times",
     act: |model, place, values| {
         model.robot.joints[place.first].hard_stop += values[0];
