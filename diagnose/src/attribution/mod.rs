@@ -76,7 +76,7 @@ pub struct Blamed {
     pub id: &'static str,
     /// Joint, `from->to`, `12` or `23`; nothing for the whole.
     pub joint: Option<String>,
-    /// That it is there.
+    /// That it is there, or what no recording of motors and tip can tell from it.
     pub probability: f64,
     /// What the evidence loses without it [nat].
     pub evidence_nats: f64,
@@ -258,7 +258,8 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     if let Some(best) = blamed {
         for &effect in &best.effects {
             let ties = ties::ties(fitter, outcome, best, effect);
-            effects.push(Blamed { probability: with(effect), ties, ..cause(fitter, outcome, best, &deviations, effect) });
+            let probability = ties::probability(&probabilities, &fitter.coordinates.sited, effect);
+            effects.push(Blamed { probability, ties, ..cause(fitter, outcome, best, &deviations, effect) });
         }
         effects.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     }

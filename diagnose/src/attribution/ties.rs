@@ -1,5 +1,6 @@
 //! What cannot be told from a cause, or hardly.
 
+use raven::effects::Sited;
 use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, Hypothesis};
@@ -25,7 +26,7 @@ pub struct Tied {
 pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Vec<Tied> {
     let sited = &fitter.coordinates.sited;
     let reached = outcome.fitted.get(&best.effects).map_or(best.evidence, |(_, evidence)| *evidence);
-    let exact = |other: usize| sited[effect].effect.ties.iter().any(|tie| tie.exact && tie.id == sited[other].effect.id);
+    let exact = |other: usize| sited[effect].is_exactly(&sited[other]);
     let stands_in = |other: usize| {
         let mut effects: Vec<usize> = best.effects.iter().map(|&e| if e == effect { other } else { e }).collect();
         effects.sort_unstable();
@@ -42,4 +43,28 @@ pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect
     let mut ties: Vec<Tied> = (0..sited.len()).filter(|other| !best.effects.contains(other)).filter_map(stands_in).collect();
     ties.sort_by(|a, b| a.gap_nats.total_cmp(&b.gap_nats));
     ties
+}
+
+/// Probability that an effect is there, or one that no recording can tell from it.
+pub(super) fn probability(probabilities: &[(Vec<usize>, f64)], sited: &[Sited], effect: usize) -> f64 {
+    let is_it = |other: &usize| *other == effect || sited[effect].is_exactly(&sited[*other]);
+    probabilities.iter().filter(|(effects, _)| effects.iter().any(is_it)).map(|(_, p)| p).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use raven::robot::nominal;
+
+    use super::*;
+
+    #[test]
+    fn what_cannot_be_told_apart_is_one_cause() {
+        let robot = nominal::gold();
+        let named = [("tool-length", None), ("joint-offset", Some("insertion")), ("joint-offset", Some("shoulder"))];
+        let sited = named.map(|(id, place)| Sited::at(&robot, id, place).unwrap());
+        let probabilities = [(vec![0], 0.4), (vec![1], 0.3), (vec![0, 2], 0.1), (vec![1, 2], 0.05), (vec![2], 0.06), (Vec::new(), 0.09)];
+        for (effect, expected) in [(0, 0.85), (1, 0.85), (2, 0.21)] {
+            approx::assert_relative_eq!(probability(&probabilities, &sited, effect), expected, epsilon = 1e-12);
+        }
+    }
 }

@@ -244,13 +244,17 @@ impl Fitter<'_> {
 
     /// The nominal model with its slopes, nothing fitted.
     pub fn at_nominal(&self) -> Result<Option<Hypothesis>> {
-        let u = self.nowhere();
+        self.at(&[], self.nowhere())
+    }
+
+    /// Effects and numbers with their slopes, nothing fitted; `None` where the model cannot be evaluated.
+    pub(super) fn at(&self, effects: &[usize], u: Vec<f64>) -> Result<Option<Hypothesis>> {
         let residuals = self.exact(&u)?;
-        let free = self.free(&[]);
+        let free = self.free(effects);
         let columns = self.slopes(&u, &free, Links::Settled)?;
         let finite = residuals.iter().chain(columns.iter().flat_map(|column| column.iter())).all(|v| v.is_finite());
         let covariance = nalgebra::DMatrix::zeros(free.len(), free.len());
-        Ok(finite.then_some(Hypothesis { effects: Vec::new(), u, free, covariance, evidence: f64::NEG_INFINITY, residuals, columns }))
+        Ok(finite.then_some(Hypothesis { effects: effects.to_vec(), u, free, covariance, evidence: f64::NEG_INFINITY, residuals, columns }))
     }
 
     /// Fits the best candidates, and returns the best of them.

@@ -8,10 +8,13 @@ use raven::Result;
 
 use super::fit::{Fitter, Hypothesis};
 use super::outcome::Outcome;
+use super::screen::Candidate;
 use super::search::{HOPE_NATS, WITHIN_NATS};
 
 /// Evidence within which two causes are tied, what the best hypothesis leaves counting as noise [nat].
 pub const TIED_NATS: f64 = 3.0;
+/// The screen from where an effect was fitted may see another one this far behind it that does as well [nat].
+const DOUBT_NATS: f64 = 10.0;
 /// So many of those that alone explain about as much as an effect are held against it beside others.
 const AS_GOOD_ALONE: usize = 3;
 
@@ -36,22 +39,9 @@ impl Fitter<'_> {
             let unfitted: Vec<usize> = ties.iter().copied().filter(|other| !outcome.fitted.contains_key(&instead(other))).collect();
             let Some(rest) = self.rest(outcome, &best, &[effect])? else { continue };
             outcome.keep(&rest);
-            if !unfitted.is_empty() {
-                for candidate in self.screen_some(&rest, rest.evidence, &unfitted)? {
-                    // Numbers that make up for an effect are a bad place to look from.
-                    let is_promised = candidate.evidence > best.evidence - (TIED_NATS + HOPE_NATS) * shrink;
-                    let fitted = if is_promised {
-                        self.fit(&candidate.effects, &candidate.start, Some(&rest))?
-                    } else {
-                        self.fit(
-                            &candidate.effects,
-                            &self.taking(&self.without(effect, &best.u), &unfitted, &candidate.start),
-                            Some(&best),
-                        )?
-                    };
-                    if let Some(hypothesis) = fitted {
-                        outcome.keep(&hypothesis);
-                    }
+            for (candidate, like) in self.likely_ties(&best, effect, &rest, &unfitted, shrink)? {
+                if let Some(hypothesis) = self.fit(&candidate.effects, &candidate.start, Some(like))? {
+                    outcome.keep(&hypothesis);
                 }
             }
             // What was fitted may have stopped on its way, a few nats behind what is the same.
@@ -88,6 +78,34 @@ impl Fitter<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Which of some effects may do as well as one of a hypothesis: those that the screen does not see far behind it from the `rest` without it, or from
+    /// where the hypothesis is, as numbers that make up for an effect are a bad place to look from. Each with what it is to be fitted like.
+    fn likely_ties<'a>(
+        &self,
+        best: &'a Hypothesis,
+        effect: usize,
+        rest: &'a Hypothesis,
+        others: &[usize],
+        shrink: f64,
+    ) -> Result<Vec<(Candidate, &'a Hypothesis)>> {
+        if others.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut likely = self.screen_some(rest, rest.evidence, others)?;
+        likely.retain(|candidate| candidate.evidence > best.evidence - (TIED_NATS + HOPE_NATS) * shrink);
+        let mut likely: Vec<(Candidate, &Hypothesis)> = likely.into_iter().map(|candidate| (candidate, rest)).collect();
+        let Some(there) = self.at(&rest.effects, self.without(effect, &best.u))? else { return Ok(likely) };
+        let seen = self.screen_some(&there, rest.evidence, &[others, &[effect]].concat())?;
+        let own = seen.iter().find(|candidate| candidate.effects == best.effects).map_or(f64::INFINITY, |own| own.evidence);
+        let near = |c: &Candidate| c.effects != best.effects && c.evidence > own - DOUBT_NATS * shrink;
+        for candidate in seen.into_iter().filter(near) {
+            if likely.iter().all(|(other, _)| other.effects != candidate.effects) {
+                likely.push((candidate, best));
+            }
+        }
+        Ok(likely)
     }
 
     /// Effects that alone are hardly behind one of a hypothesis alone, the best first, each with the hypothesis' numbers and its own in that

@@ -94,7 +94,7 @@ pub type Alike = fn(&[f64]) -> Vec<f64>;
 pub struct Tie {
     /// Its identifier.
     pub id: &'static str,
-    /// Whether no recording of motors and tip can tell them apart.
+    /// Whether no recording of motors and tip can tell them apart, where their numbers are of one unit.
     pub exact: bool,
     /// The values with which it does about the same, by those of this effect; `None` where that is not known.
     pub values: Option<Alike>,
@@ -211,6 +211,15 @@ impl Sited {
         let amount = AMOUNTS.iter().find(|amount| amount.effect.id == effect.id && (amount.nominal)(robot, place) == 0.0);
         let sited = Self { effect: amount.map_or(effect, |amount| &amount.effect), place, measure: Measure::raven(JointType::Revolute) };
         Self { measure: Measure::of_arm(robot, sited.joint_measured(), sited.joint_type(robot)), ..sited }
+    }
+
+    /// Whether no recording of motors and tip can tell it from another one: the library ties them exactly, and their numbers are of one unit. A tool's
+    /// length is the offset of a joint that slides, and of no other.
+    #[must_use]
+    pub fn is_exactly(&self, other: &Self) -> bool {
+        let ties = |one: &Self, another: &Self| one.effect.ties.iter().any(|tie| tie.exact && tie.id == another.effect.id);
+        let unit = |sited: &Self| sited.effect.parameters[0].unit_at(sited.measure);
+        (ties(self, other) || ties(other, self)) && unit(self) == unit(other)
     }
 
     /// Values of its numbers at `u` of each (see [`Parameter`]), in the units of its parameters.

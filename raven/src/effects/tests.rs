@@ -17,6 +17,16 @@ fn identifiers_are_unique_and_ties_are_known() {
 }
 
 #[test]
+fn a_tools_length_is_the_offset_of_the_joint_that_slides() {
+    let robot = nominal::gold();
+    let [length, shoulder, insertion] = [("tool-length", None), ("joint-offset", Some("shoulder")), ("joint-offset", Some("insertion"))]
+        .map(|(id, place)| Sited::at(&robot, id, place).unwrap());
+    assert!(length.is_exactly(&insertion) && insertion.is_exactly(&length));
+    assert!(!length.is_exactly(&shoulder) && !shoulder.is_exactly(&length) && !shoulder.is_exactly(&insertion));
+    assert!(!length.is_exactly(&length));
+}
+
+#[test]
 fn values_and_their_units_of_a_slab_are_the_same_thing() {
     for sited in Sited::all(&nominal::gold()) {
         for parameter in sited.effect.parameters {
