@@ -1,4 +1,4 @@
-//! Hypotheses that explain about as much as the best with as many effects, each fitted once more by slopes of rolled-out links.
+//! Hypotheses that explain about as much as the best with as many effects or fewer, each fitted once more by slopes of rolled-out links.
 //!
 //! A fit by slopes of settled links stops some nats short, of two that describe the same robot one may by ten or twenty. Where much is explained that
 //! is little, but which of two effects it is turns on it.
