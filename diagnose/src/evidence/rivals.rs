@@ -1,7 +1,8 @@
-//! Hypotheses that explain about as much as the best with as many effects or fewer, each fitted once more by slopes of rolled-out links.
+//! Single effects that explain about as much as the best one, each fitted once more by slopes of rolled-out links.
 //!
 //! A fit by slopes of settled links stops some nats short, of two that describe the same robot one may by ten or twenty. Where much is explained that
-//! is little, but which of two effects it is turns on it.
+//! is little, but which of two effects it is turns on it. Not where the best hypothesis has several: fits that end farther on make good by a third
+//! effect what the laws of the first two are not quite.
 
 use raven::Result;
 use rayon::prelude::*;
@@ -15,25 +16,23 @@ const RIVALS_NATS: f64 = 10.0;
 const RIVALS_MAX: usize = 3;
 
 impl Fitter<'_> {
-    /// Fits the best hypothesis and its rivals once more, these from their own numbers or with the best's beside their effects, and goes on with the
+    /// Fits the best hypothesis and its rivals once more, if it has one effect, these from their own numbers or with the best's beside their effect, and goes on with the
     /// best of them.
     ///
     /// # Errors
     /// If the robot is no arm.
     pub(super) fn hold_against_rivals(&self, outcome: &mut Outcome) -> Result<()> {
         let best = outcome.best.clone();
+        let &[found] = best.effects.as_slice() else { return Ok(()) };
         let within = RIVALS_NATS * self.leftover(&best).most();
-        let is_rival = |h: &&Hypothesis| {
-            let as_many_at_most = (1..=best.effects.len()).contains(&h.effects.len());
-            as_many_at_most && h.effects != best.effects && h.evidence > best.evidence - within
-        };
+        let is_rival = |h: &&Hypothesis| h.effects.len() == 1 && h.effects != best.effects && h.evidence > best.evidence - within;
         let mut rivals: Vec<&Hypothesis> = outcome.fitted.values().map(|(h, _)| h).filter(is_rival).collect();
         rivals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         rivals.truncate(RIVALS_MAX);
         if rivals.is_empty() {
             return Ok(());
         }
-        let without = best.effects.iter().fold(best.u.clone(), |u, &effect| self.without(effect, &u));
+        let without = self.without(found, &best.u);
         let again = |h: &&Hypothesis| {
             let start = if h.effects == best.effects { h.u.clone() } else { self.cheaper(h, self.taking(&without, &h.effects, &h.u))? };
             self.fit_with(&h.effects, &start, None, Following::AllRolledOut)
