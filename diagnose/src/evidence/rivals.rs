@@ -16,8 +16,8 @@ const RIVALS_NATS: f64 = 10.0;
 const RIVALS_MAX: usize = 3;
 
 impl Fitter<'_> {
-    /// Fits the best hypothesis and its rivals once more, if it has one effect, these from their own numbers or with the best's beside their effect, and goes on with the
-    /// best of them.
+    /// Fits the best hypothesis, if it has one effect, and its rivals once more, these from their own numbers or with the best's beside their effect, and
+    /// goes on with the best of them.
     ///
     /// # Errors
     /// If the robot is no arm.

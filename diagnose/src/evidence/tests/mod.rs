@@ -9,6 +9,8 @@ use super::fit::Fitter;
 use super::linear::dot;
 use super::rows::{Links, Observed, Setting};
 
+mod ties;
+
 /// Tips that see some effects at their places, and nothing else that could be off.
 struct Seen<R> {
     robot: Robot,
@@ -45,6 +47,11 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Seen<R> {
 
     fn number(&self, sited: &Sited) -> Option<usize> {
         self.effects.iter().position(|&(id, place)| sited.effect.id == id && [sited.place.first, sited.place.second] == place)
+    }
+
+    /// Where the coordinates have the effect of a number.
+    fn effect(&self, coordinates: &Coordinates, number: usize) -> usize {
+        coordinates.sited.iter().position(|sited| self.number(sited) == Some(number)).unwrap()
     }
 
     /// The effects that a search names, by the alphabet.
@@ -159,7 +166,7 @@ fn a_joint_that_does_not_do_what_slopes_promise_does_not_keep_others_from_theirs
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitter = Fitter::new(&rows, &coordinates);
-    let effect = |n: usize| (0..2).find(|&effect| rows.number(&coordinates.sited[effect]) == Some(n)).unwrap();
+    let effect = |n: usize| rows.effect(&coordinates, n);
     let fitted = fitter.fit(&[effect(1)], &fitter.nowhere(), None).unwrap().unwrap();
     let [offset, soft] = [0, 1].map(|n| fitted.u[coordinates.sizes(effect(n)).next().unwrap()]);
     // The hard stop is known to a tolerance.
@@ -261,86 +268,6 @@ fn a_soft_cable_is_found_where_creep_stands_in_for_it() {
     assert_eq!(named, ["cable-stretch"]);
     let values = coordinates.values(outcome.best.effects[0], &outcome.best.u);
     approx::assert_relative_eq!(values[0], 1.0 / 38.0, max_relative = 1e-2);
-}
-
-#[test]
-fn a_slack_joint_that_lies_on_one_side_is_found_where_an_offset_stands_in_for_it() {
-    // Settled links know nothing of a slack of 0.8 slabs; an offset of half its width does most of it, and leaves no more than noise.
-    let places = [("joint-offset", [0, 0]), ("backlash", [0, 0])];
-    let robot = nominal::gold();
-    let all = Sited::all(&robot);
-    let sited = places.map(|(id, [joint, _])| *all.iter().find(|s| s.effect.id == id && s.place.first == joint).unwrap());
-    let [half, width] = [0.5, 1.0].map(|part| part * sited[1].values(&[0.8])[0]);
-    let rows = Seen::new(&places, |numbers: &[Option<&[f64]>], links| {
-        let offset = numbers[0].map_or(0.0, |u| sited[0].values(u)[0]);
-        let slack = numbers[1].filter(|_| links == Links::RolledOut).map_or(0.0, |u| sited[1].values(u)[0]);
-        let [lies, turns] = [1.0 - offset / half - slack / width, 1.0 - slack / width];
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * ((k as f64).sin() * lies + (k as f64).cos() * 0.1 * turns)).collect()
-    });
-    let coordinates = Coordinates::new(&rows.robot, &rows);
-    let fitter = Fitter::new(&rows, &coordinates);
-    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
-    let effect = |n: usize| (0..2).find(|&effect| rows.number(&coordinates.sited[effect]) == Some(n)).unwrap();
-    outcome.best = fitter.fit(&[effect(0)], &nominal.u, Some(&nominal)).unwrap().unwrap();
-    assert!(!fitter.leftover(&outcome.best).remains());
-    assert!(fitter.found_again(&mut outcome, &nominal).unwrap());
-    assert_eq!(outcome.best.effects, [effect(1)]);
-    approx::assert_relative_eq!(coordinates.values(effect(1), &outcome.best.u)[0], width, max_relative = 0.02);
-}
-
-#[test]
-fn a_fit_that_stopped_short_is_not_taken_for_another_cause() {
-    // A payload. Beside it settled links have the elbow's cable the wrong way round, and its fit stops where the cable is nominal; a rolling shutter
-    // does nearly all of the payload's, and its fit does not stop.
-    let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0]), ("cable-stretch", [1, 0])];
-    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
-        let [loaded, shutter, soft] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
-        let followed = if links == Links::RolledOut || numbers[1].is_some() { soft } else { -soft };
-        let row = |k: f64| k.sin() * (1.0 - loaded - shutter) + k.cos() * (0.05 - 1.5 * followed) + (2.0 * k).sin() * 0.05 * shutter;
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
-    });
-    let coordinates = Coordinates::new(&rows.robot, &rows);
-    let fitter = Fitter::new(&rows, &coordinates);
-    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
-    let effect = |n: usize| coordinates.sited.iter().position(|sited| rows.number(sited) == Some(n)).unwrap();
-    let [payload, shutter] = [0, 1].map(|n| fitter.fit(&[effect(n)], &nominal.u, None).unwrap().unwrap());
-    assert!(
-        payload.evidence > shutter.evidence - 10.0 && payload.evidence < shutter.evidence - 3.0,
-        "{} {}",
-        payload.evidence,
-        shutter.evidence
-    );
-    outcome.keep(&payload);
-    outcome.keep(&shutter);
-    outcome.best = shutter;
-    fitter.hold_against_rivals(&mut outcome).unwrap();
-    assert_eq!(outcome.best.effects, payload.effects);
-    assert!(outcome.best.evidence > payload.evidence + 5.0, "{} {}", outcome.best.evidence, payload.evidence);
-}
-
-#[test]
-fn a_tie_is_held_against_what_was_found_where_the_nominal_model_hides_it() {
-    // A hard stop, and creep does as well. Without either, a coupling of eight tolerances makes up for half of it, and there the hard stop has no slope.
-    let effects = [("creep", [0, 0]), ("joint-offset", [0, 0]), ("cable-coupling", [0, 1])];
-    let nothing = Seen::new(&effects[2..], |_: &[Option<&[f64]>], _| vec![0.0; ROWS]);
-    let far = 8.0 * Coordinates::new(&nothing.robot, &nothing).all[0].spike.unwrap();
-    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
-        let [crept, offset, coupled] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
-        let hidden = (coupled / far).clamp(0.0, 1.0);
-        (0..ROWS).map(|k| SEEN * (k as f64).sin() * (1.0 - crept - 0.5 * hidden - offset * (1.0 - hidden))).collect()
-    });
-    let coordinates = Coordinates::new(&rows.robot, &rows);
-    let fitter = Fitter::new(&rows, &coordinates);
-    let effect = |n: usize| coordinates.sited.iter().position(|sited| rows.number(sited) == Some(n)).unwrap();
-    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
-    let creep = fitter.fit(&[effect(0)], &nominal.u, None).unwrap().unwrap();
-    let promised = fitter.screen_some(&outcome.none, outcome.none.evidence, &[effect(1)]).unwrap();
-    assert!(promised.iter().all(|candidate| candidate.evidence < creep.evidence - 20.0), "{promised:?}");
-    outcome.keep(&creep);
-    outcome.best = creep.clone();
-    fitter.hold_against_ties(&mut outcome).unwrap();
-    let (offset, _) = &outcome.fitted[&vec![effect(1)]];
-    approx::assert_relative_eq!(offset.evidence, creep.evidence, epsilon = 3.0);
 }
 
 #[test]
