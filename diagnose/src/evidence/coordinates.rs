@@ -1,6 +1,6 @@
 //! Every number in which the robot may depart from the model, in units of its effect's own prior.
 
-use raven::effects::{Channel, Effect, Parameter, Scale, Scope, Sited};
+use raven::effects::{Channel, Effect, Parameter, Scale, Sited};
 use raven::robot::Robot;
 
 use super::rows::{Observed, Setting};
@@ -53,8 +53,6 @@ impl Coordinates {
                 Some("the recording has no motor torque")
             } else if !shows {
                 Some("the recording has no tip")
-            } else if each.effect.scope == Scope::Rig && needs_lenses(each.effect) && !rows.has_cameras() {
-                Some("the cameras are not known; give --cameras")
             } else {
                 None
             };
@@ -128,10 +126,6 @@ impl Coordinates {
         }
         settings
     }
-}
-
-fn needs_lenses(effect: &Effect) -> bool {
-    matches!(effect.id, "stereo-scale" | "lens-distortion" | "stereo-desync" | "rolling-shutter")
 }
 
 /// Whether an effect is there at all: one whose size is zero is not, whatever its shape.

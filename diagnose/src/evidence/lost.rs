@@ -17,7 +17,7 @@
 use std::collections::BTreeSet;
 
 use raven::Result;
-use raven::effects::{Effect, Scale, Sited};
+use raven::effects::{Effect, Element, Scale, Sited};
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Hypothesis, cost};
@@ -75,8 +75,7 @@ impl Fitter<'_> {
             let freed = Hypothesis { effects: vec![effect], ..none.clone() };
             other |= self.closely(outcome, &[freed])?;
         }
-        other |= self.slacks_resized(outcome, nominal)?;
-        Ok(other)
+        Ok(self.slacks_resized(outcome, nominal)? || other)
     }
 
     /// `best`, or what its slacks come to from other sizes, as long as that is better and something remains. Slopes lead a slack astray by thousands of
@@ -108,8 +107,9 @@ impl Fitter<'_> {
     /// rolled-out links: those of settled links lead them astray by tens of nats, which another effect then makes good.
     pub(super) fn followed_closely(&self, outcome: &mut Outcome, mut best: Hypothesis) -> Result<Hypothesis> {
         let is_soft = |h: &Hypothesis, effect: usize| {
-            let Sited { effect: Effect { id, parameters, .. }, .. } = self.coordinates.sited[effect];
-            *id == "cable-stretch" && matches!(parameters[0].scale, Scale::Factor(_)) && self.coordinates.values(effect, &h.u)[0] < SOFT
+            let Sited { effect: Effect { element, parameters, .. }, .. } = self.coordinates.sited[effect];
+            let is_factor = *element == Some(Element::Spring) && matches!(parameters[0].scale, Scale::Factor(_));
+            is_factor && self.coordinates.values(effect, &h.u)[0] < SOFT
         };
         let has_soft = |h: &&Hypothesis| h.effects.iter().any(|&effect| is_soft(h, effect));
         let near = |h: &&Hypothesis| h.effects != best.effects && h.evidence > best.evidence - WITHIN_NATS;

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Channel, Measure, Model, Shaft, Sited, TipModel, TorqueModel};
+use raven::effects::{Channel, Measure, Model, Need, Shaft, Sited, TipModel, TorqueModel};
 use raven::robot::stiction::stirred_s;
 use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 
@@ -82,18 +82,13 @@ pub trait Observed: Sync {
     /// Rows of torques, three per sample.
     fn torque_rows(&self) -> usize;
 
-    /// Whether the rig's lenses are known.
-    fn has_cameras(&self) -> bool;
-
     /// What an effect's sizes are measured in.
     fn measure(&self, sited: &Sited) -> Measure {
         sited.measure
     }
 
     /// Why an effect could not show whatever the recordings were, if so.
-    fn cannot_show(&self, _sited: &Sited) -> Option<&'static str> {
-        None
-    }
+    fn cannot_show(&self, sited: &Sited) -> Option<&'static str>;
 
     /// When the encoder of a joint miscounts, as parts of a recording, as far as it can be seen in its readings alone.
     fn miscounts(&self, _joint: usize) -> &[f64] {
@@ -209,8 +204,10 @@ impl Observed for Rows<'_> {
         3 * self.data.iter().map(|data| data.shafts.len()).sum::<usize>()
     }
 
-    fn has_cameras(&self) -> bool {
-        self.cameras.is_some_and(|c| c.base_from_left.is_some())
+    fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
+        let knows_lenses = self.cameras.is_some_and(|cameras| cameras.base_from_left.is_some());
+        let lacks_them = self.tip_rows() > 0 && sited.effect.needs.contains(&Need::Lenses) && !knows_lenses;
+        lacks_them.then_some("the cameras are not known; give --cameras")
     }
 
     fn miscounts(&self, joint: usize) -> &[f64] {

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
-use raven::effects::{Channel, Parameter, Scale};
+use raven::effects::{Channel, Element, Scale};
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Hypothesis, gram};
@@ -177,8 +177,7 @@ impl Fitter<'_> {
 
     /// Whether an effect lets a joint float, as backlash does: without a load it settles anywhere, and only rolled-out links say where it is.
     pub(super) fn is_loose(&self, effect: usize) -> bool {
-        let is_magnitude = |parameter: &Parameter| matches!(parameter.scale, Scale::Magnitude(_));
-        self.followed(effect).is_some() && self.coordinates.sited[effect].effect.parameters.iter().all(is_magnitude)
+        self.coordinates.sited[effect].effect.element == Some(Element::Gap)
     }
 
     /// How many shapes an effect is looked for with.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use raven::Result;
-use raven::effects::{Channel, Effect, Scale, Scope, Stage};
+use raven::effects::{Channel, Effect, Element, Scale, Scope, Stage};
 use rayon::prelude::*;
 
 use super::fit::{Fitter, Hypothesis, STRAINED};
@@ -170,11 +170,11 @@ impl Fitter<'_> {
     /// where there are no effects, any whose number is strained.
     fn follows_as(&self, c: usize, effects: &[usize], start: &[f64], following: Following) -> bool {
         let effect = self.coordinates.all[c].effect;
-        let id = self.coordinates.sited[effect].effect.id;
+        let element = self.coordinates.sited[effect].effect.element;
         if following == Following::AllRolledOut {
-            return matches!(id, "cable-stretch" | "cable-damping" | "link-coulomb-friction");
+            return matches!(element, Some(Element::Spring | Element::Dashpot | Element::Slider));
         }
-        let follows = matches!(id, "cable-stretch" | "link-coulomb-friction");
+        let follows = matches!(element, Some(Element::Spring | Element::Slider));
         let with_effect = |&e: &usize| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect));
         follows && if effects.is_empty() { self.strain(c, start) > STRAINED } else { effects.iter().any(with_effect) }
     }
@@ -189,7 +189,7 @@ impl Fitter<'_> {
 
     /// Whether an effect shows in how a joint swings: settled links have a damper let it lag, and of one that is smaller have the sign wrong.
     pub(crate) fn shows_in_swings(&self, effect: usize) -> bool {
-        self.coordinates.sited[effect].effect.id == "cable-damping"
+        self.coordinates.sited[effect].effect.element == Some(Element::Dashpot)
     }
 
     /// Channels in which links of this kind show an effect: how a joint swings on its cable is in its motor's torque as well. How it bounces in

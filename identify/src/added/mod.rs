@@ -9,7 +9,7 @@ use std::io::Write;
 
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::effects::Sited;
+use raven::effects::{Effect, Scale, Sited};
 use raven::robot::{Change, Provenance, Robot};
 use raven::{Error, Result};
 use serde_json::json;
@@ -48,8 +48,9 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
     for text in &args.add_effect {
         let sized = Request::parse(text)?.sized(&robot, diagnosis.as_ref())?;
         robot = added(&robot, cameras.as_ref(), &sized)?;
-        if sized.sited.effect.id == "missed-counts" {
-            cli::warn("missed-counts: its moment is a part of one recording's length; the new file is for that recording alone.");
+        let Effect { id, parameters, .. } = sized.sited.effect;
+        if parameters.iter().any(|parameter| parameter.scale == Scale::Moment) {
+            cli::warn(&format!("{id}: its moment is a part of one recording's length; the new file is for that recording alone."));
         }
     }
     // What is written must be readable: the sentence about a number that is not comes from reading it.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{ALL, Channel, Effect, Parameter, Scale, Scope, Stage};
+use super::{ALL, Channel, Effect, Need, Parameter, Scale, Scope, Stage};
 
 /// The library in Markdown, one section per stage.
 #[must_use]
@@ -40,7 +40,11 @@ fn section(text: &mut String, effect: &Effect) {
         Scope::Rig => "of the cameras",
     };
     let channels: Vec<&str> = effect.channels.iter().map(|channel| channel_name(*channel)).collect();
-    let _ = write!(text, "\n### {}\n\n{}; {per}. Shows in: {}.\n", effect.id, effect.summary, channels.join(", "));
+    let _ = write!(text, "\n### {}\n\n{}; {per}. Shows in: {}.", effect.id, effect.summary, channels.join(", "));
+    effect.needs.iter().for_each(|need| {
+        let _ = write!(text, " Needs {}.", need_name(*need));
+    });
+    text.push('\n');
     let _ = write!(text, "\n| number | unit | prior |\n|---|---|---|\n");
     for parameter in effect.parameters {
         let _ = writeln!(text, "| {} | {} | {} |", parameter.name, unit(parameter), prior(parameter));
@@ -58,6 +62,17 @@ fn channel_name(channel: Channel) -> &'static str {
     match channel {
         Channel::Torque => "motor torque",
         Channel::Tip => "tip",
+    }
+}
+
+fn need_name(need: Need) -> &'static str {
+    match need {
+        Need::Motor => "a motor in the file",
+        Need::Cable => "a cable in the file",
+        Need::Load => "on a bench, torque that tells the load on the cable",
+        Need::JointSide => "on a bench, joint encoders",
+        Need::Link => "what the joint moves in the file",
+        Need::Lenses => "the cameras' calibration",
     }
 }
 

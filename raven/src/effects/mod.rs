@@ -86,6 +86,36 @@ pub enum Channel {
     Tip,
 }
 
+/// What a file or a recording must have for an effect to show, beside one of its channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Need {
+    /// A motor in the file: without one, torque measured at the shaft is what the cable gets.
+    Motor,
+    /// A cable in the file that is to be another one.
+    Cable,
+    /// The load on the cable: an arm's is its links', a bench's is told by torque.
+    Load,
+    /// What tells where the joint is behind its cable: an arm's tip, a bench's joint encoders.
+    JointSide,
+    /// What the joint moves.
+    Link,
+    /// The lenses through which tips were seen.
+    Lenses,
+}
+
+/// An element between a motor and its joint, as lumped models have them: with it the joint follows its cable in another way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Element {
+    /// By which the joint lags under a load.
+    Spring,
+    /// By which it follows late, and stops swinging.
+    Dashpot,
+    /// By which it stays until it is pulled free.
+    Slider,
+    /// In which it floats.
+    Gap,
+}
+
 /// Values of an effect that does about the same as another one with its values.
 pub type Alike = fn(&[f64]) -> Vec<f64>;
 
@@ -129,6 +159,10 @@ pub struct Effect {
     pub parameters: &'static [Parameter],
     /// Where it shows.
     pub channels: &'static [Channel],
+    /// What it cannot show without.
+    pub needs: &'static [Need],
+    /// What it changes between motor and joint, if it is one element of what moves the joint.
+    pub element: Option<Element>,
     /// What looks alike.
     pub ties: &'static [Tie],
     /// The motion that tells it from its ties.

@@ -6,7 +6,7 @@ mod signs;
 mod tests;
 
 use nalgebra::Vector3;
-use raven::effects::{BenchModel, Channel, Driven, Measure, Model, Scope, Sited, Stage, Tension};
+use raven::effects::{BenchModel, Channel, Driven, Effect, Measure, Model, Need, Scope, Sited, Stage, Tension};
 use raven::log::Recording;
 use raven::robot::{Joint, Robot};
 use raven::{Error, Result};
@@ -111,6 +111,20 @@ impl<'a> Bench<'a> {
         self.recordings.iter().any(|r| r.has[0])
     }
 
+    /// What to say where a bench lacks what an effect at a joint needs.
+    fn lacks(&self, need: Need, j: usize) -> Option<&'static str> {
+        let joint = self.robot.joints.get(j)?;
+        let (lacks, because) = match need {
+            Need::Motor => (joint.motor.is_none(), "the file has no motor: what is measured at its shaft is what the cable gets"),
+            Need::Cable => (joint.cable.is_none(), "the nominal transmission is rigid"),
+            Need::Load => (self.recordings.iter().all(|r| r.has == [false; 2]), "no torque was recorded that tells the load"),
+            Need::JointSide => (!self.has_joints(), "nothing measures the joint side: what rubs there counts as the motor's"),
+            Need::Link => (self.robot.links.get(j).is_none(), "the file gives nothing that the joint moves"),
+            Need::Lenses => (true, "a bench has no cameras"),
+        };
+        lacks.then_some(because)
+    }
+
     /// The nominal model with effects built in.
     ///
     /// # Errors
@@ -163,35 +177,21 @@ impl Observed for Bench<'_> {
         if self.has_torque() { 3 * self.count() } else { 0 }
     }
 
-    fn has_cameras(&self) -> bool {
-        false
-    }
-
     fn measure(&self, sited: &Sited) -> Measure {
         self.measures.get(sited.joint_measured()).copied().unwrap_or(sited.measure)
     }
 
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
-        let joint = self.robot.joints.get(sited.place.first)?;
-        let joint_side = matches!(sited.effect.id, "link-coulomb-friction" | "link-viscous-friction" | "load-dependent-friction");
-        let of_motor = !matches!(sited.effect.id, "torque-constant" | "torque-saturation");
-        match (sited.effect.scope, sited.effect.id) {
+        let Effect { scope, stage, needs, channels, .. } = sited.effect;
+        let belongs_to_an_arm = match (scope, stage) {
             (Scope::LinkAngle, _) => Some("a bench has no links"),
             (Scope::Robot, _) => Some("a bench has no tool"),
-            (Scope::Rig, "time-offset" | "clock-drift") | (Scope::Pair, _) => None,
-            (Scope::Rig, _) => Some("a bench has no cameras"),
-            _ if sited.effect.stage == Stage::Motor && of_motor && joint.motor.is_none() => {
-                Some("the file has no motor: what is measured at its shaft is what the cable gets")
-            }
-            _ if joint_side && !self.has_joints() => Some("nothing measures the joint side: what rubs there counts as the motor's"),
-            (_, "link-inertia") if self.robot.links.get(sited.place.first).is_none() => Some("the file gives nothing that the joint moves"),
-            (_, "cable-stiffening" | "cable-damping" | "creep") if joint.cable.is_none() => Some("the nominal transmission is rigid"),
-            (_, "backlash" | "cable-slip" | "cable-stretch") if !self.has_torque() && !self.recordings.iter().any(|r| r.has[1]) => {
-                Some("no torque was recorded that tells the load")
-            }
-            _ if !self.has_joints() && !sited.effect.channels.contains(&Channel::Torque) => Some("the recording has no joint encoders"),
-            _ => None,
-        }
+            (Scope::Rig, Stage::Camera) => Some("a bench has no cameras"),
+            (Scope::Rig | Scope::Pair | Scope::Joint, _) => None,
+        };
+        let lacks = || needs.iter().find_map(|need| self.lacks(*need, sited.place.first));
+        let is_unseen = *scope == Scope::Joint && !self.has_joints() && !channels.contains(&Channel::Torque);
+        belongs_to_an_arm.or_else(lacks).or(is_unseen.then_some("the recording has no joint encoders"))
     }
 
     fn residuals(&self, settings: &[Setting], _links: Links, channels: &[Channel]) -> Result<Vec<f64>> {

@@ -89,10 +89,6 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Observed for Seen<R> {
         0
     }
 
-    fn has_cameras(&self) -> bool {
-        true
-    }
-
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
         self.number(sited).is_none().then_some("it is not there")
     }

@@ -22,6 +22,8 @@ pub const EFFECT: Effect = Effect {
         }),
     }],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("camera-rotation")],
     separated_by: "one joint moved at a time",
     act: |model, place, values| {

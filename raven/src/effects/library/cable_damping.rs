@@ -1,6 +1,6 @@
 //! Damping of the cable.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Channel, Effect, Element, Need, Parameter, Scale, Scope, Stage, Tie};
 
 /// cable-damping.
 pub const EFFECT: Effect = Effect {
@@ -10,6 +10,8 @@ pub const EFFECT: Effect = Effect {
     summary: "b_e times a factor",
     parameters: &[Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.1), tolerance: Some(|robot, _| robot.tolerances.damping) }],
     channels: &[Channel::Tip],
+    needs: &[Need::Cable],
+    element: Some(Element::Dashpot),
     ties: &[Tie::near("time-offset"), Tie::near("link-viscous-friction")],
     separated_by: "motion above three hertz, seen by a fast camera or joint encoders",
     act: |model, place, values| {

@@ -1,7 +1,7 @@
 //! Micro-slip on the capstan above a force: ratchets with travel under load.
 
 use super::super::tension::under_tension;
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// cable-slip.
 pub const EFFECT: Effect = Effect {
@@ -19,6 +19,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "travel_before", unit: "m", scale: Scale::State(0.1), tolerance: None },
     ],
     channels: &[Channel::Tip],
+    needs: &[Need::Load],
+    element: None,
     ties: &[Tie::near("creep"), Tie::near("missed-counts")],
     separated_by: "many cycles under load, against the same time without motion",
     act: |model, place, values| {

@@ -1,6 +1,6 @@
 //! A cable that is soft near zero load and stiffens with stretch.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Stage, Tie};
 
 /// cable-stiffening.
 pub const EFFECT: Effect = Effect {
@@ -10,6 +10,8 @@ pub const EFFECT: Effect = Effect {
     summary: "gamma = 2 k_e x0 sinh(x / x0)",
     parameters: &[Parameter { name: "length", unit: "cable stretch", scale: Scale::Shape { middle: 0.5, size: 1.0 }, tolerance: None }],
     channels: &[Channel::Tip],
+    needs: &[Need::Cable],
+    element: None,
     ties: &[Tie::near("backlash")],
     separated_by: "loads from none to full in one pose",
     act: |model, place, values| {

@@ -1,6 +1,6 @@
 //! A cable softer or stiffer than its data sheet.
 
-use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 use crate::robot::Cable;
 
 /// cable-stretch.
@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
     channels: &[Channel::Tip],
+    needs: &[Need::Load],
+    element: Some(Element::Spring),
     ties: &[Tie::near("payload"), Tie::near("link-coulomb-friction")],
     separated_by: "the same pose with and without a load; gravity that changes sides",
     act: |model, place, values| {

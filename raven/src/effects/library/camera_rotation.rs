@@ -30,6 +30,8 @@ pub const EFFECT: Effect = Effect {
         },
     ],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("joint-offset"), Tie::near("cable-coupling")],
     separated_by: "poses spread in all three dimensions; one rigid motion fits all tips",
     act: |model, _, values| {

@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.clock_drift),
     }],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("creep")],
     separated_by: "bursts of motion at the start and at the end",
     act: |model, _, values| {

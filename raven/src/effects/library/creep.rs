@@ -1,7 +1,7 @@
 //! Slow stretch that follows the load: a Kelvin-Voigt element in series with the cable.
 
 use super::super::tension::under_tension;
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// creep.
 pub const EFFECT: Effect = Effect {
@@ -17,6 +17,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
     channels: &[Channel::Tip],
+    needs: &[Need::Cable],
+    element: None,
     ties: &[
         Tie::near("cable-slip"),
         Tie::near("missed-counts"),

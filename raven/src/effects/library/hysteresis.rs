@@ -18,6 +18,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("backlash"), Tie::near("link-coulomb-friction")],
     separated_by: "reversals at many amplitudes, loaded and unloaded",
     act: |model, place, values| {

@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, place| robot.joints.get(place.first).map_or(0.0, |joint| robot.tolerances.hard_stop_of(joint.kind))),
     }],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[
         Tie::near("camera-rotation"),
         Tie::near("tool-length"),

@@ -16,6 +16,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.link_angle_rad),
     }],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("camera-rotation"), Tie::near("joint-offset")],
     separated_by: "poses over the whole workspace",
     act: |model, place, values| {

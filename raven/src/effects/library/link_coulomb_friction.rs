@@ -1,6 +1,6 @@
 //! Dry friction at the joint.
 
-use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// Steepest slope of friction at rest, over the model's own.
 const STEEPEST: f64 = 2.0;
@@ -21,6 +21,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.6), tolerance: Some(|_, _| 0.6) },
     ],
     channels: &[Channel::Tip, Channel::Torque],
+    needs: &[Need::JointSide],
+    element: Some(Element::Slider),
     ties: &[Tie::near("motor-coulomb-friction"), Tie::near("hysteresis")],
     separated_by: "the same reversals at two cable tensions; without a tip it cannot be told from the motor's friction",
     act: |model, place, values| {

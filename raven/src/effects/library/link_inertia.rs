@@ -1,6 +1,6 @@
 //! Inertia of a link.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Stage, Tie};
 use crate::robot::KinematicsKind;
 
 /// link-inertia.
@@ -16,6 +16,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.link_inertia),
     }],
     channels: &[Channel::Torque],
+    needs: &[Need::Link],
+    element: None,
     ties: &[Tie::near("motor-inertia")],
     separated_by: "the same path at two speeds",
     act: |model, place, values| {

@@ -1,6 +1,6 @@
 //! Viscous friction at the joint.
 
-use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// link-viscous-friction.
 pub const EFFECT: Effect = Effect {
@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.link_friction),
     }],
     channels: &[Channel::Tip, Channel::Torque],
+    needs: &[Need::JointSide],
+    element: None,
     ties: &[Tie::near("motor-viscous-friction"), Tie::near("time-offset")],
     separated_by: "several speeds in both directions",
     act: |model, place, values| {

@@ -17,6 +17,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "at", unit: "1", scale: Scale::Moment, tolerance: None },
     ],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("creep"), Tie::near("joint-offset")],
     separated_by: "the hard stop approached again after the recording",
     act: |model, place, values| {

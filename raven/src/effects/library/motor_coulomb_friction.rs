@@ -1,6 +1,6 @@
 //! Dry friction of the motor.
 
-use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// motor-coulomb-friction.
 pub const EFFECT: Effect = Effect {
@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.motor_friction),
     }],
     channels: &[Channel::Torque],
+    needs: &[Need::Motor],
+    element: None,
     ties: &[Tie::near("link-coulomb-friction"), Tie::near("torque-constant")],
     separated_by: "constant speeds in both directions; from the friction of the joint only a tip tells it",
     act: |model, place, values| {

@@ -1,6 +1,6 @@
 //! Inertia of the motor.
 
-use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// motor-inertia.
 pub const EFFECT: Effect = Effect {
@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.motor_inertia),
     }],
     channels: &[Channel::Torque],
+    needs: &[Need::Motor],
+    element: None,
     ties: &[Tie::near("link-inertia")],
     separated_by: "the same path at two speeds",
     act: |model, place, values| {

@@ -1,6 +1,6 @@
 //! Viscous friction of the motor.
 
-use super::super::{Amount, Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Amount, Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// motor-viscous-friction.
 pub const EFFECT: Effect = Effect {
@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.motor_friction),
     }],
     channels: &[Channel::Torque],
+    needs: &[Need::Motor],
+    element: None,
     ties: &[Tie::near("link-viscous-friction")],
     separated_by: "several speeds in both directions",
     act: |model, place, values| {

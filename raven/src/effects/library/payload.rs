@@ -10,6 +10,8 @@ pub const EFFECT: Effect = Effect {
     summary: "m at the tracked point",
     parameters: &[Parameter { name: "mass", unit: "kg", scale: Scale::Magnitude(Size::of(0.2)), tolerance: None }],
     channels: &[Channel::Tip, Channel::Torque],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("cable-stretch")],
     separated_by: "poses with the load on either side, and with a known mass",
     act: |model, _, values| {

@@ -13,6 +13,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "cosine", unit: "capstan length", scale: Scale::Offset(Size::of(3e-4)), tolerance: None },
     ],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("lens-distortion")],
     separated_by: "a slow sweep over at least three turns of the capstan",
     act: |model, place, values| {

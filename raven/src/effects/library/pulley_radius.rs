@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.radius),
     }],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("stereo-scale")],
     separated_by: "a slow sweep over the joint's whole range; other joints fix the camera's scale",
     act: |model, place, values| {

@@ -1,6 +1,6 @@
 //! A baseline, or as well a focal length, that is off.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// stereo-scale.
 pub const EFFECT: Effect = Effect {
@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.stereo_scale),
     }],
     channels: &[Channel::Tip],
+    needs: &[Need::Lenses],
+    element: None,
     ties: &[Tie::near("pulley-radius")],
     separated_by: "an object of known length at two depths",
     act: |model, _, values| {

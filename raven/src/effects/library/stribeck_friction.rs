@@ -1,6 +1,6 @@
 //! More dry friction of the motor at creep speed.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// stribeck-friction.
 pub const EFFECT: Effect = Effect {
@@ -13,6 +13,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "speed", unit: "motor speed", scale: Scale::Shape { middle: 5.0, size: 0.5 }, tolerance: None },
     ],
     channels: &[Channel::Torque],
+    needs: &[Need::Motor],
+    element: None,
     ties: &[Tie::near("motor-coulomb-friction")],
     separated_by: "ramps at a tenth of a degree per second",
     act: |model, place, values| {

@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.latency_s),
     }],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("link-viscous-friction"), Tie::near("cable-damping")],
     separated_by: "reversals at speed",
     act: |model, _, values| {

@@ -16,6 +16,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.tool_length_m),
     }],
     channels: &[Channel::Tip],
+    needs: &[],
+    element: None,
     ties: &[Tie::exact("joint-offset")],
     separated_by: "nothing that motors and cameras record: measure the tool",
     act: |model, _, values| {

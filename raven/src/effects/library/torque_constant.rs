@@ -15,6 +15,8 @@ pub const EFFECT: Effect = Effect {
         tolerance: Some(|robot, _| robot.tolerances.torque_gain),
     }],
     channels: &[Channel::Torque],
+    needs: &[],
+    element: None,
     ties: &[Tie::near("motor-coulomb-friction"), Tie::near("payload")],
     separated_by: "a known payload",
     act: |model, place, values| {

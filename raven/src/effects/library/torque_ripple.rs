@@ -1,6 +1,6 @@
 //! Torque ripple of the motor.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// torque-ripple.
 pub const EFFECT: Effect = Effect {
@@ -13,6 +13,8 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "per_turn", unit: "1", scale: Scale::Whole { most: 24 }, tolerance: None },
     ],
     channels: &[Channel::Torque],
+    needs: &[Need::Motor],
+    element: None,
     ties: &[Tie::near("pulley-eccentricity")],
     separated_by: "a slow turn of the motor",
     act: |model, place, values| {

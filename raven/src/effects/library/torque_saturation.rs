@@ -10,6 +10,8 @@ pub const EFFECT: Effect = Effect {
     summary: "the delivered torque is clipped at a limit",
     parameters: &[Parameter { name: "limit", unit: "drive torque", scale: Scale::Shape { middle: 0.15, size: 1.0 }, tolerance: None }],
     channels: &[Channel::Torque],
+    needs: &[],
+    element: None,
     ties: &[],
     separated_by: "fast motion",
     act: |model, place, values| {
