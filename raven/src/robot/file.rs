@@ -470,7 +470,7 @@ fn check_joint(joint: &Joint, arm: bool) -> Result<(), String> {
     }
     within(&key("hysteresis.half_loop"), joint.hysteresis.half_loop, [-0.2, 0.2], unit, meant)?;
     within(&key("hysteresis.length"), joint.hysteresis.length, [1e-5, 1.0], unit, meant)?;
-    within(&key("hysteresis.straight_part"), joint.hysteresis.straight_part, [0.0, 1.0], "1", "percent")?;
+    within(&key("hysteresis.straight_part"), joint.hysteresis.straight_part, [-1.0, 1.0], "1", "percent")?;
     within(&key("hysteresis.lag_at_start"), joint.hysteresis.lag_at_start, [-1.0, 1.0], "1", "percent")?;
     if let Some(motor) = joint.motor {
         within(&key("motor.inertia"), motor.inertia, [1e-9, 1e4], "kg m^2", "g cm^2")?;

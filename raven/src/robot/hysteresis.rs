@@ -6,7 +6,8 @@
 //!
 //! After a reversal the lag `z` changes in proportion to the travel, by `h` over `l`, until it has come to the part `s` of `h`, and then
 //! approaches `h`. With `s = 0` that is Bouc's and Wen's law (Bouc 1967, Wen 1976, with exponent one and `beta = gamma`); with `s` near one and
-//! `l = h` it is a sharp play, which has its whole lag after `2 h`.
+//! `l = h` it is a sharp play, which has its whole lag after `2 h`; with `s = -1`, where nothing is straight, Dahl's law (Dahl 1968; Bouc's and Wen's
+//! with `gamma = 0`) of a length of `2 l`.
 
 use std::borrow::Cow;
 
@@ -26,7 +27,7 @@ pub struct Hysteresis {
     /// `l`: travel over which the lag turns after a reversal.
     #[serde(default = "usual_length")]
     pub length: f64,
-    /// `s`: part of the half loop up to which the lag turns in proportion to the travel [0 to 1].
+    /// `s`: part of the half loop up to which the lag turns in proportion to the travel [-1 to 1].
     #[serde(default)]
     pub straight_part: f64,
     /// Lag at a recording's start, as a part of `half_loop` [-1 to 1]: what the motion before left.
@@ -123,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_rounded_lag_follows_bouc_and_wen() {
-        for straight_part in [0.0, 0.4] {
+        for straight_part in [-1.0, 0.0, 0.4] {
             let mut lag = 1.0;
             let steps = 200_000;
             for _ in 0..steps {

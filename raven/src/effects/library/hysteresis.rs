@@ -12,8 +12,8 @@ pub const EFFECT: Effect = Effect {
     parameters: &[
         Parameter { name: "half_loop", unit: "joint", scale: Scale::Magnitude(Size::per_kind(0.008, 0.001)), tolerance: None },
         Parameter { name: "rounding", unit: "1", scale: Scale::Shape { middle: 1.5, size: 0.4 }, tolerance: None },
-        // Of the way back on an arm: straight, as in a sharp play, per rounded.
-        Parameter { name: "straightness", unit: "1", scale: Scale::Shape { middle: 0.3, size: 1.5 }, tolerance: None },
+        // Of the way back on an arm: straight, as all of a sharp play's, per rounded, as all of Dahl's.
+        Parameter { name: "straightness", unit: "1", scale: Scale::Shape { middle: 1.6, size: 1.5 }, tolerance: None },
         // What the motion before the recording left.
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.7), tolerance: None },
     ],
@@ -24,7 +24,7 @@ pub const EFFECT: Effect = Effect {
     separated_by: "reversals at many amplitudes, loaded and unloaded",
     act: |model, place, values| {
         // On a bench, whose joints are not rolled out, a sharp play is what friction makes of a cable's stretch.
-        let straightness = if matches!(model.robot.kinematics, KinematicsKind::Bench) { 0.0 } else { values[2] };
+        let straight_part = if matches!(model.robot.kinematics, KinematicsKind::Bench) { 0.0 } else { (values[2] - 1.0) / (values[2] + 1.0) };
         let hysteresis = &mut model.robot.joints[place.first].hysteresis;
         let (own, half_loop) = (*hysteresis, hysteresis.half_loop + values[0]);
         // Beside a loop that the file has, each shapes their sum by its part of it.
@@ -33,7 +33,7 @@ pub const EFFECT: Effect = Effect {
         *hysteresis = Hysteresis {
             half_loop,
             length: shaped(own.length, values[1] * values[0]),
-            straight_part: shaped(own.straight_part, straightness / (1.0 + straightness)),
+            straight_part: shaped(own.straight_part, straight_part),
             lag_at_start: shaped(own.lag_at_start, values[3].clamp(-1.0, 1.0)),
         };
     },
