@@ -4,8 +4,7 @@
 //! far from the recordings; so does the nominal model's where a soft cable is within its tolerance. Where something remains, the best
 //! hypothesis and the one without effects go on by slopes of rolled-out links. Where the best explains nothing, effects of that kind are
 //! fitted again from the nominal model at several sizes, and so is a slack that leaves something: first all other numbers with these held, then
-//! everything. A slack whose size is known begins by settled slopes as well: held, a large one can go astray. One that explains most alone does so
-//! before anything is added to it, again and again as long as that is better.
+//! everything. A slack whose size is known begins by settled slopes as well: held, a large one can go astray.
 //!
 //! Several effects of how one joint follows its cable may stand in for a slack, which settled links do not see beside another effect.
 //!
@@ -31,11 +30,7 @@ pub(super) const LOST_NATS: f64 = 1.0;
 const AGAIN: usize = 2;
 /// Starts of each: some, evenly spread over those of the screen.
 const STARTS_MAX: usize = 3;
-/// Most times that a slack which leaves something is fitted from other sizes, before effects are added to it.
-const RESIZED_MAX: usize = 3;
-/// Starts of a slack that was found, as parts of its size.
-const SLACKS: [f64; STARTS_MAX] = [0.6, 1.0, 1.7];
-/// The same of one that leaves nothing, beside numbers that have not followed it. A slack joint's torque is jagged: the nominal model's slopes lead
+/// Starts of a slack that leaves nothing, beside numbers that have not followed it. A slack joint's torque is jagged: the nominal model's slopes lead
 /// half of the fits astray, those beside the slack the other half.
 const SLACKS_BESIDE_REST: [f64; 5] = [0.2, 0.4, 0.7, 1.0, 1.5];
 /// Part of its stiffness below which a cable is soft: with the nominal dampers its joint follows a tenth of a second late and more.
@@ -76,31 +71,6 @@ impl Fitter<'_> {
             other |= self.closely(outcome, &[freed])?;
         }
         Ok(self.slacks_resized(outcome, nominal)? || other)
-    }
-
-    /// `best`, or what its slacks come to from other sizes, as long as that is better and something remains. Slopes lead a slack astray by thousands of
-    /// nats, which other effects of its joint would then make good.
-    pub(super) fn resized(&self, outcome: &mut Outcome, nominal: &Hypothesis, best: Hypothesis) -> Result<Hypothesis> {
-        let before = std::mem::replace(&mut outcome.best, best);
-        for _ in 0..RESIZED_MAX {
-            if !self.slacks_resized(outcome, nominal)? {
-                break;
-            }
-        }
-        Ok(std::mem::replace(&mut outcome.best, before))
-    }
-
-    /// Fits each slack of the best hypothesis, if that leaves something, from sizes about its own and the nominal numbers; as [`Self::closely`].
-    fn slacks_resized(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
-        let best = outcome.best.clone();
-        let slacks = best.effects.iter().filter(|&&effect| self.is_loose(effect));
-        let sizes = |&effect: &usize| SLACKS.map(|part| (effect, self.coordinates.own(effect, &best.u).iter().map(|u| part * u).collect()));
-        let starts: Vec<(usize, Vec<f64>)> = slacks.flat_map(sizes).collect();
-        if starts.is_empty() || !self.leftover(&best).remains() {
-            return Ok(false);
-        }
-        let ways = [Following::Held, Following::Settled].map(|following| (following, Some(nominal)));
-        self.begun_again(outcome, nominal, &starts, &ways)
     }
 
     /// The better of `best` and of cables that are hardly behind it and so soft that their joints follow slowly, fitted on by slopes of
@@ -238,7 +208,7 @@ impl Fitter<'_> {
 
     /// Fits effects, each beside those of `base`, from there and these numbers of theirs in several ways, each with the slopes to begin with; as
     /// [`Self::closely`].
-    fn begun_again(
+    pub(super) fn begun_again(
         &self,
         outcome: &mut Outcome,
         base: &Hypothesis,

@@ -14,6 +14,7 @@ mod lost;
 pub mod outcome;
 mod paired;
 pub mod prior;
+mod resized;
 mod rivals;
 pub mod rows;
 pub mod screen;

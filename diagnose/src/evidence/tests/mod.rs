@@ -356,6 +356,21 @@ fn a_slack_that_leaves_something_is_resized_before_others_make_up_for_it() {
 }
 
 #[test]
+fn a_loop_that_is_sharper_than_its_fit_came_to_is_found_before_others_make_up_for_it() {
+    // Settled links say nothing of how sharp it is, and rolled-out ones only near what it is.
+    let effects = [("hysteresis", [1, 0]), ("payload", [0, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [half_loop, straightness] = numbers[0].map_or([0.0; 2], |u| [u[0], u[2]]);
+        let payload = numbers[1].map_or(0.0, |u| u[0]);
+        let sharper = if links == Links::RolledOut && straightness > 1.2 { 2.0 - straightness } else { 0.8 };
+        let missed = [1.0 - half_loop, sharper - payload];
+        let row = |k: usize| SEEN * std::f64::consts::SQRT_2 * (missed[0] * (k as f64).sin() + missed[1] * (k as f64).cos());
+        (0..ROWS).map(row).collect()
+    });
+    assert_eq!(rows.named(), ["hysteresis"]);
+}
+
+#[test]
 fn a_fit_does_not_end_on_slopes_from_where_it_began() {
     // How far a stretch moves the tips goes by friction that another number brings, less than makes slopes be taken anew on the way.
     let effects = [("cable-stretch", [1, 0]), ("link-coulomb-friction", [1, 0])];

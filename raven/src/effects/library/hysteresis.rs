@@ -24,7 +24,8 @@ pub const EFFECT: Effect = Effect {
     separated_by: "reversals at many amplitudes, loaded and unloaded",
     act: |model, place, values| {
         // On a bench, whose joints are not rolled out, a sharp play is what friction makes of a cable's stretch.
-        let straight_part = if matches!(model.robot.kinematics, KinematicsKind::Bench) { 0.0 } else { (values[2] - 1.0) / (values[2] + 1.0) };
+        let straight_part =
+            if matches!(model.robot.kinematics, KinematicsKind::Bench) { 0.0 } else { (values[2] - 1.0) / (values[2] + 1.0) };
         let hysteresis = &mut model.robot.joints[place.first].hysteresis;
         let (own, half_loop) = (*hysteresis, hysteresis.half_loop + values[0]);
         // Beside a loop that the file has, each shapes their sum by its part of it.
