@@ -36,6 +36,10 @@ fn a_part_of_a_pair_has_no_third_effect() {
     for effect in ["pulley-radius", "hysteresis"] {
         assert!(named.iter().any(|named| named.contains(effect)), "{named:?}");
     }
+    let radius = report["effects"].as_array().unwrap().iter().find(|effect| effect["id"] == "pulley-radius").unwrap();
+    let capstan = &radius["ties"][0];
+    assert_eq!([&capstan["id"], &capstan["joint"]], ["capstan-radius", radius["joint"].as_str().unwrap()], "{capstan:#}");
+    assert!(capstan["exact"] == true && capstan["gap_nats"] == 0.0, "{capstan:#}");
 }
 
 /// Five parts of each of the twelve recordings, as shares of their length.

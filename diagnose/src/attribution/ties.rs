@@ -1,6 +1,6 @@
 //! What cannot be told from a cause, or hardly.
 
-use raven::effects::Sited;
+use raven::effects::{Effect, Sited, Tie};
 use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, Hypothesis};
@@ -18,29 +18,35 @@ pub struct Tied {
     pub exact: bool,
     /// What the evidence loses with it instead [nat].
     pub gap_nats: f64,
-    /// The motion that tells them apart.
+    /// The motion that tells them apart, or what to measure where none does.
     pub separate_by: &'static str,
 }
 
 /// Effects that could stand in for one of a hypothesis.
 pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect: usize) -> Vec<Tied> {
     let sited = &fitter.coordinates.sited;
+    let joint = |effect: usize| sited[effect].joint(fitter.rows.robot());
     let reached = outcome.fitted.get(&best.effects).map_or(best.evidence, |(_, evidence)| *evidence);
-    let exact = |other: usize| sited[effect].is_exactly(&sited[other]);
     let stands_in = |other: usize| {
         let mut effects: Vec<usize> = best.effects.iter().map(|&e| if e == effect { other } else { e }).collect();
         effects.sort_unstable();
         let (_, evidence) = outcome.fitted.get(&effects)?;
-        let gap_nats = reached - evidence;
-        (gap_nats < TIED_NATS || exact(other)).then(|| Tied {
+        let (gap_nats, exact) = (reached - evidence, sited[effect].exact_tie(&sited[other]));
+        (gap_nats < TIED_NATS || exact.is_some()).then(|| Tied {
             id: sited[other].effect.id,
-            joint: sited[other].joint(fitter.rows.robot()),
-            exact: exact(other),
+            joint: joint(other),
+            exact: exact.is_some(),
             gap_nats,
-            separate_by: sited[effect].effect.separated_by,
+            separate_by: exact.unwrap_or(sited[effect].effect.separated_by),
         })
     };
-    let mut ties: Vec<Tied> = (0..sited.len()).filter(|other| !best.effects.contains(other)).filter_map(stands_in).collect();
+    // What the library does not hold as it is the same as what it holds.
+    let same = |tie: &Tie| {
+        let separate_by = tie.exact.filter(|_| Effect::named(tie.id).is_err())?;
+        Some(Tied { id: tie.id, joint: joint(effect), exact: true, gap_nats: 0.0, separate_by })
+    };
+    let of_library = (0..sited.len()).filter(|other| !best.effects.contains(other)).filter_map(stands_in);
+    let mut ties: Vec<Tied> = sited[effect].effect.ties.iter().filter_map(same).chain(of_library).collect();
     ties.sort_by(|a, b| a.gap_nats.total_cmp(&b.gap_nats));
     ties
 }

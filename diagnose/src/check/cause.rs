@@ -1,7 +1,7 @@
 //! Effects by name, up to the ties that no recording can break: capstan and pulley, tool length and a prismatic joint's hard stop.
 
-use raven::effects::Effect;
-use raven::robot::{JointType, Robot};
+use raven::effects::{ALL, Effect, Sited};
+use raven::robot::Robot;
 use raven::simulation::{Label, LabelEffect};
 
 use super::verdict::{Blamed, Verdict};
@@ -18,26 +18,26 @@ pub struct Cause {
 /// Makes causes of names, for one robot.
 #[derive(Debug, Clone)]
 pub struct Names {
-    prismatic: Option<String>,
+    /// What the library can name at its places.
+    sited: Vec<(Sited, Cause)>,
 }
 
 impl Names {
     /// Names on a robot.
     #[must_use]
     pub fn of(robot: &Robot) -> Self {
-        let prismatic = robot.joints.iter().find(|joint| joint.kind == JointType::Prismatic);
-        Self { prismatic: prismatic.map(|joint| joint.name.clone()) }
+        let cause = |sited: &Sited| Cause { id: sited.effect.id.to_owned(), joint: sited.joint(robot) };
+        Self { sited: Sited::all(robot).into_iter().map(|sited| (sited, cause(&sited))).collect() }
     }
 
-    /// The cause that a name stands for.
+    /// The cause that a name stands for: of those that are exactly tied the first in the library.
     #[must_use]
     pub fn cause(&self, id: &str, joint: Option<&str>) -> Cause {
-        let (id, joint) = match (id, &self.prismatic) {
-            ("tool-length", Some(prismatic)) => ("joint-offset", Some(prismatic.as_str())),
-            ("capstan-radius", _) => ("pulley-radius", joint),
-            other => (other.0, joint),
-        };
-        Cause { id: id.to_owned(), joint: joint.map(str::to_owned) }
+        let id = if Effect::named(id).is_ok() { id } else { tied_to(id).unwrap_or(id) };
+        let cause = Cause { id: id.to_owned(), joint: joint.map(str::to_owned) };
+        let Some((named, _)) = self.sited.iter().find(|(_, known)| *known == cause) else { return cause };
+        let first = self.sited.iter().find(|(sited, known)| *known == cause || sited.is_exactly(named));
+        first.map_or(cause, |(_, first)| first.clone())
     }
 
     /// Of a label's effect.
@@ -72,7 +72,12 @@ impl Names {
 /// Whether a recording hides something that the library does not hold.
 #[must_use]
 pub fn is_outside(label: &Label) -> bool {
-    label.effects.iter().any(|effect| Effect::named(&effect.id).is_err() && effect.id != "capstan-radius")
+    label.effects.iter().any(|effect| Effect::named(&effect.id).is_err() && tied_to(&effect.id).is_none())
+}
+
+/// The effect of the library that is exactly tied to one which it does not hold.
+fn tied_to(id: &str) -> Option<&'static str> {
+    ALL.iter().find(|effect| effect.ties.iter().any(|tie| tie.exact.is_some() && tie.id == id)).map(|effect| effect.id)
 }
 
 #[cfg(test)]

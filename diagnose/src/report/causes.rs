@@ -37,7 +37,8 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
             let (this, other) = (at(effect.id, effect.joint.as_deref()), at(tie.id, tie.joint.as_deref()));
             let how = if tie.exact { "cannot be told from" } else { "can hardly be told from" };
             page.ties.push(format!("{this} {how} {other} in these recordings ({:.1} nats).", tie.gap_nats));
-            page.next_steps.push(format!("To tell {this} from {other}, record {}.", tie.separate_by));
+            let record = if tie.exact { "" } else { "record " };
+            page.next_steps.push(format!("To tell {this} from {other}, {record}{}.", tie.separate_by));
         }
         page.next_steps.push(format!(
             "Put {} into the robot file with `raven-identify --add-effect {}` and look again.",

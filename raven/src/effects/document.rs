@@ -41,15 +41,17 @@ fn section(text: &mut String, effect: &Effect) {
     };
     let channels: Vec<&str> = effect.channels.iter().map(|channel| channel_name(*channel)).collect();
     let _ = write!(text, "\n### {}\n\n{}; {per}. Shows in: {}.", effect.id, effect.summary, channels.join(", "));
-    effect.needs.iter().for_each(|need| {
-        let _ = write!(text, " Needs {}.", need_name(*need));
-    });
+    let needs: Vec<&str> = effect.needs.iter().map(|need| need_name(*need)).collect();
+    if !needs.is_empty() {
+        let _ = write!(text, " Needs: {}.", needs.join("; "));
+    }
     text.push('\n');
     let _ = write!(text, "\n| number | unit | prior |\n|---|---|---|\n");
     for parameter in effect.parameters {
         let _ = writeln!(text, "| {} | {} | {} |", parameter.name, unit(parameter), prior(parameter));
     }
-    let ties: Vec<String> = effect.ties.iter().map(|tie| format!("{}{}", tie.id, if tie.exact { " (exact)" } else { "" })).collect();
+    let ties: Vec<String> =
+        effect.ties.iter().map(|tie| format!("{}{}", tie.id, if tie.exact.is_some() { " (exact)" } else { "" })).collect();
     if !ties.is_empty() {
         let _ = write!(text, "\nLooks like: {}. ", ties.join(", "));
     } else {
@@ -71,7 +73,7 @@ fn need_name(need: Need) -> &'static str {
         Need::Cable => "a cable in the file",
         Need::Load => "on a bench, torque that tells the load on the cable",
         Need::JointSide => "on a bench, joint encoders",
-        Need::Link => "what the joint moves in the file",
+        Need::Link => "a link in the file",
         Need::Lenses => "the cameras' calibration",
     }
 }

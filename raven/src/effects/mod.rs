@@ -1,7 +1,8 @@
 //! Effects that the nominal model leaves out: named, physical extensions of it, to be held against recordings.
 //!
 //! An effect is one file of [`library`]: its identifier, stage, parameters with what is believed of them beforehand, the channels it shows
-//! in, its ties, and how it changes the [`Model`]. The equations are those of the fitted model; the virtual lab has its own.
+//! in and what it cannot show without, which element between motor and joint it changes, its ties, and how it changes the [`Model`]. Nobody asks
+//! for an effect by name: a new one touches its file and the registry. The equations are those of the fitted model; the virtual lab has its own.
 
 mod added;
 mod bench;
@@ -119,24 +120,24 @@ pub enum Element {
 /// Values of an effect that does about the same as another one with its values.
 pub type Alike = fn(&[f64]) -> Vec<f64>;
 
-/// Another effect that looks alike.
+/// Another effect that looks alike. One that is exactly tied may be no effect of the library.
 #[derive(Debug, Clone, Copy)]
 pub struct Tie {
     /// Its identifier.
     pub id: &'static str,
-    /// Whether no recording of motors and tip can tell them apart, where their numbers are of one unit.
-    pub exact: bool,
+    /// What tells them apart where no recording of motors and tip can: if their numbers are of one unit.
+    pub exact: Option<&'static str>,
     /// The values with which it does about the same, by those of this effect; `None` where that is not known.
     pub values: Option<Alike>,
 }
 
 impl Tie {
     const fn near(id: &'static str) -> Self {
-        Self { id, exact: false, values: None }
+        Self { id, exact: None, values: None }
     }
 
-    const fn exact(id: &'static str) -> Self {
-        Self { exact: true, ..Self::near(id) }
+    const fn exact(id: &'static str, told_by: &'static str) -> Self {
+        Self { exact: Some(told_by), ..Self::near(id) }
     }
 
     const fn with(self, values: Alike) -> Self {
@@ -247,13 +248,19 @@ impl Sited {
         Self { measure: Measure::of_arm(robot, sited.joint_measured(), sited.joint_type(robot)), ..sited }
     }
 
-    /// Whether no recording of motors and tip can tell it from another one: the library ties them exactly, and their numbers are of one unit. A tool's
+    /// What tells it from another one, if no recording of motors and tip can: the library ties them exactly, and their numbers are of one unit. A tool's
     /// length is the offset of a joint that slides, and of no other.
     #[must_use]
-    pub fn is_exactly(&self, other: &Self) -> bool {
-        let ties = |one: &Self, another: &Self| one.effect.ties.iter().any(|tie| tie.exact && tie.id == another.effect.id);
+    pub fn exact_tie(&self, other: &Self) -> Option<&'static str> {
+        let tied = |one: &Self, another: &Self| one.effect.ties.iter().find(|tie| tie.id == another.effect.id).and_then(|tie| tie.exact);
         let unit = |sited: &Self| sited.effect.parameters[0].unit_at(sited.measure);
-        (ties(self, other) || ties(other, self)) && unit(self) == unit(other)
+        tied(self, other).or_else(|| tied(other, self)).filter(|_| unit(self) == unit(other))
+    }
+
+    /// Whether that is so.
+    #[must_use]
+    pub fn is_exactly(&self, other: &Self) -> bool {
+        self.exact_tie(other).is_some()
     }
 
     /// Values of its numbers at `u` of each (see [`Parameter`]), in the units of its parameters.

@@ -17,7 +17,7 @@ pub const EFFECT: Effect = Effect {
     channels: &[Channel::Tip],
     needs: &[],
     element: None,
-    ties: &[Tie::near("stereo-scale")],
+    ties: &[Tie::exact("capstan-radius", "measure the pulley and the capstan"), Tie::near("stereo-scale")],
     separated_by: "a slow sweep over the joint's whole range; other joints fix the camera's scale",
     act: |model, place, values| {
         model.robot.joints[place.first].link_pulley_radius *= 1.0 + values[0];

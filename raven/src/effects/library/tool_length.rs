@@ -18,7 +18,7 @@ pub const EFFECT: Effect = Effect {
     channels: &[Channel::Tip],
     needs: &[],
     element: None,
-    ties: &[Tie::exact("joint-offset")],
+    ties: &[Tie::exact("joint-offset", "measure the tool")],
     separated_by: "nothing that motors and cameras record: measure the tool",
     act: |model, _, values| {
         if let KinematicsKind::Raven(kinematics) = &mut model.robot.kinematics {
