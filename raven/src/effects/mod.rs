@@ -117,8 +117,8 @@ pub enum Element {
     Gap,
 }
 
-/// Values of an effect that does about the same as another one with its values.
-pub type Alike = fn(&[f64]) -> Vec<f64>;
+/// Values of an effect that does about the same as another one at its place of a robot with its values.
+pub type Alike = fn(&Robot, Place, &[f64]) -> Vec<f64>;
 
 /// Another effect that looks alike. One that is exactly tied may be no effect of the library.
 #[derive(Debug, Clone, Copy)]
@@ -211,6 +211,11 @@ impl Effect {
             let known: Vec<&str> = ALL.iter().map(|effect| effect.id).collect();
             Error::Argument(format!("`{id}` is no effect; there are {}.", known.join(", ")))
         })
+    }
+
+    /// Identifiers of what the library does not hold as it is the same as this one, each with what tells them apart.
+    pub fn other_names(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
+        self.ties.iter().filter(|tie| Self::named(tie.id).is_err()).filter_map(|tie| Some((tie.id, tie.exact?)))
     }
 
     /// Every place of the robot that it can be at.

@@ -26,6 +26,39 @@ fn a_tools_length_is_the_offset_of_the_joint_that_slides() {
     assert!(!length.is_exactly(&length));
 }
 
+/// Of a cable that slips no more, and moves no other joint's.
+#[test]
+fn what_slipped_before_is_the_offset_that_the_library_ties_to_it() {
+    let mut robot = nominal::gold();
+    robot.cable_coupling.clear();
+    let transmission = robot.arm().unwrap().transmission;
+    let joint = |t: f64| Vector3::new(0.8 + 0.1 * (9.0 * t).sin(), 1.6 + 0.1 * (8.0 * t).cos(), 0.35 + 0.01 * (10.0 * t).sin());
+    let time_s: Vec<f64> = (0..1000).map(|k| 1e-3 * f64::from(k)).collect();
+    let motors = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s };
+    let sights: Vec<Sight> = (1..9)
+        .map(|k| Sight { stamp_s: 0.1 * f64::from(k), position_m: Vector3::zeros(), covariance_m2: Matrix3::identity(), rows: [0.0; 2] })
+        .collect();
+    let tips = |model: &Model| -> Vec<Vector3<f64>> {
+        TipModel::new(model, &motors).unwrap().rolled_out(&sights, &[]).0.into_iter().map(Option::unwrap).collect()
+    };
+    let with = |sited: &Sited, values: &[f64]| {
+        let mut model = Model::new(&robot, None).unwrap();
+        (sited.effect.act)(&mut model, sited.place, values);
+        tips(&model)
+    };
+    let nominal = tips(&Model::new(&robot, None).unwrap());
+    for name in ["shoulder", "elbow", "insertion"] {
+        let [slip, offset] = ["cable-slip", "joint-offset"].map(|id| Sited::at(&robot, id, Some(name)).unwrap());
+        let values = [1e6, 0.01, 0.05, 0.1];
+        let alike = slip.effect.ties.iter().find(|tie| tie.id == "joint-offset").and_then(|tie| tie.values).unwrap();
+        let [slipped, moved] = [with(&slip, &values), with(&offset, &alike(&robot, slip.place, &values))];
+        for ((slipped_m, moved_m), nominal_m) in slipped.iter().zip(&moved).zip(&nominal) {
+            let shift_m = (slipped_m - nominal_m).norm();
+            assert!(shift_m > 5e-4 && (slipped_m - moved_m).norm() < 0.02 * shift_m, "{name}: {slipped_m} {moved_m} {nominal_m}");
+        }
+    }
+}
+
 #[test]
 fn values_and_their_units_of_a_slab_are_the_same_thing() {
     for sited in Sited::all(&nominal::gold()) {

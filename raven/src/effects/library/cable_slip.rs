@@ -21,7 +21,15 @@ pub const EFFECT: Effect = Effect {
     channels: &[Channel::Tip],
     needs: &[Need::Load],
     element: None,
-    ties: &[Tie::near("creep"), Tie::near("missed-counts")],
+    ties: &[
+        Tie::near("creep"),
+        Tie::near("missed-counts"),
+        // What slipped before.
+        Tie::near("joint-offset").with(|robot, place, values| {
+            let radius = robot.joints.get(place.first).map_or(f64::INFINITY, |joint| joint.link_pulley_radius);
+            vec![-values[1] * values[3] / radius]
+        }),
+    ],
     separated_by: "many cycles under load, against the same time without motion",
     act: |model, place, values| {
         let (j, limit_n, fraction, width, travel_before_m) = (place.first, values[0], values[1], values[2], values[3]);

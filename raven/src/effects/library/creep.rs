@@ -24,7 +24,7 @@ pub const EFFECT: Effect = Effect {
         Tie::near("missed-counts"),
         Tie::near("joint-offset"),
         // What creeps within seconds is a soft spring beside the cable's damper.
-        Tie::near("cable-stretch").with(|values| vec![1.0 / (1.0 + values[0]), values[2]]),
+        Tie::near("cable-stretch").with(|_, _, values| vec![1.0 / (1.0 + values[0]), values[2]]),
     ],
     separated_by: "a pose held for a minute after a change of load, and again",
     act: |model, place, values| {

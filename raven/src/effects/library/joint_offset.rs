@@ -21,7 +21,7 @@ pub const EFFECT: Effect = Effect {
         Tie::near("camera-rotation"),
         Tie::near("tool-length"),
         // A slack joint that lies on one side of its dead zone.
-        Tie::near("backlash").with(|values| vec![2.0 * values[0].abs()]),
+        Tie::near("backlash").with(|_, _, values| vec![2.0 * values[0].abs()]),
     ],
     separated_by: "poses far apart in all joints; the hard stop approached anew several times",
     act: |model, place, values| {
