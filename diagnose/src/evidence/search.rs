@@ -97,7 +97,8 @@ impl Fitter<'_> {
     fn add_effects(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
         for _ in 0..ROUNDS_MAX {
             let round = outcome.best.effects.len() + 1;
-            if round > EFFECTS_MAX {
+            // Of what three equal effects cause two account for two thirds, and of others for more.
+            if round > EFFECTS_MAX || round == EFFECTS_MAX && self.explains_little(outcome) {
                 break;
             }
             // Numbers of the nominal model that made up for a large effect are a bad place to look from.
