@@ -1,8 +1,8 @@
-//! Single effects that explain about as much as the best one, each fitted once more by slopes of rolled-out links.
+//! What explains about as much as the best hypothesis by another effect, each fitted once more by slopes of rolled-out links.
 //!
 //! A fit by slopes of settled links stops some nats short, of two that describe the same robot one may by ten or twenty. Where much is explained that
-//! is little, but which of two effects it is turns on it. Not where the best hypothesis has several: fits that end farther on make good by a third
-//! effect what the laws of the first two are not quite.
+//! is little, but which of two effects it is turns on it. Where the best hypothesis has several effects that holds for what the library ties to one of
+//! them: others, fitted on, make good what the laws of those that are there are not quite.
 
 use raven::Result;
 use rayon::prelude::*;
@@ -16,31 +16,41 @@ const RIVALS_NATS: f64 = 10.0;
 const RIVALS_MAX: usize = 3;
 
 impl Fitter<'_> {
-    /// Fits the best hypothesis, if it has one effect, and its rivals once more, these from their own numbers or with the best's beside their effect, and
-    /// goes on with the best of them.
+    /// Fits the best hypothesis and its rivals once more, these from their own numbers or with the best's beside their own effect, and goes on with the
+    /// best of them.
     ///
     /// # Errors
     /// If the robot is no arm.
     pub(super) fn hold_against_rivals(&self, outcome: &mut Outcome) -> Result<()> {
         let best = outcome.best.clone();
-        let &[found] = best.effects.as_slice() else { return Ok(()) };
         let within = RIVALS_NATS * self.leftover(&best).most();
-        let is_rival = |h: &&Hypothesis| h.effects.len() == 1 && h.effects != best.effects && h.evidence > best.evidence - within;
-        let mut rivals: Vec<&Hypothesis> = outcome.fitted.values().map(|(h, _)| h).filter(is_rival).collect();
-        rivals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        let is_near = |h: &&Hypothesis| h.evidence > best.evidence - within;
+        let rival = |h| Some((h, self.rivalling(&best, h)?));
+        let mut rivals: Vec<(&Hypothesis, [usize; 2])> =
+            outcome.fitted.values().map(|(h, _)| h).filter(is_near).filter_map(rival).collect();
+        rivals.sort_by(|(a, _), (b, _)| b.evidence.total_cmp(&a.evidence));
         rivals.truncate(RIVALS_MAX);
         if rivals.is_empty() {
             return Ok(());
         }
-        let without = self.without(found, &best.u);
-        let again = |h: &&Hypothesis| {
-            let start = if h.effects == best.effects { h.u.clone() } else { self.cheaper(h, self.taking(&without, &h.effects, &h.u))? };
-            self.fit_with(&h.effects, &start, None, Following::AllRolledOut)
-        };
-        rivals.push(&best);
-        let fitted: Result<Vec<Option<Hypothesis>>> = rivals.par_iter().map(again).collect();
+        let closely = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
+        let fitted: Result<Vec<Option<Hypothesis>>> = rivals
+            .par_iter()
+            .map(|(h, [found, other])| closely(&h.effects, &self.cheaper(h, self.taking(&self.without(*found, &best.u), &[*other], &h.u))?))
+            .chain(rayon::iter::once(()).map(|()| closely(&best.effects, &best.u)))
+            .collect();
         self.taken(outcome, fitted?.into_iter().flatten());
         Ok(())
+    }
+
+    /// The effect of the best hypothesis in whose place another one has an effect of its own, and that, if this makes them rivals.
+    fn rivalling(&self, best: &Hypothesis, other: &Hypothesis) -> Option<[usize; 2]> {
+        let lacking = |one: &Hypothesis, another: &Hypothesis| {
+            let mut lacking = one.effects.iter().copied().filter(|effect| !another.effects.contains(effect));
+            lacking.next().filter(|_| lacking.next().is_none())
+        };
+        let (found, instead) = (lacking(best, other)?, lacking(other, best)?);
+        (best.effects.len() == 1 || self.are_tied(found, instead)).then_some([found, instead])
     }
 
     /// The numbers of a hypothesis, or others where they cost less.

@@ -126,13 +126,14 @@ impl Fitter<'_> {
 
     /// What the library ties to an effect of a hypothesis, at the places where it shows.
     fn ties_of(&self, hypothesis: &Hypothesis, effect: usize) -> Vec<usize> {
+        let is_tied = |other: &usize| self.are_tied(effect, *other) && !hypothesis.effects.contains(other);
+        (0..self.coordinates.sited.len()).filter(is_tied).collect()
+    }
+
+    /// Whether the library ties an effect to another one that shows where it does.
+    pub(super) fn are_tied(&self, effect: usize, other: usize) -> bool {
         let sited = &self.coordinates.sited;
-        let is_tied = |&other: &usize| {
-            let names = |one: usize, another: usize| sited[one].effect.ties.iter().any(|tie| tie.id == sited[another].effect.id);
-            (names(effect, other) || names(other, effect))
-                && sited[other].shows_where(&sited[effect])
-                && !hypothesis.effects.contains(&other)
-        };
-        (0..sited.len()).filter(is_tied).collect()
+        let names = |one: usize, another: usize| sited[one].effect.ties.iter().any(|tie| tie.id == sited[another].effect.id);
+        (names(effect, other) || names(other, effect)) && sited[other].shows_where(&sited[effect])
     }
 }

@@ -58,6 +58,39 @@ fn a_fit_that_stopped_short_is_not_taken_for_another_cause() {
 }
 
 #[test]
+fn a_tie_that_stopped_short_beside_another_effect_is_not_taken_for_another_cause() {
+    // A hard stop, and rotated cameras, which the library ties to it, both beside a payload. A rolling shutter, which it does not tie, is left as it is.
+    let effects = [
+        ("joint-offset", [0, 0]),
+        ("camera-rotation", [0, 0]),
+        ("rolling-shutter", [0, 0]),
+        ("payload", [0, 0]),
+        ("cable-stretch", [1, 0]),
+    ];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [stop, rotated, shutter, loaded, soft] = [0, 1, 2, 3, 4].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let goes_on = links == Links::RolledOut || rotated > 0.5;
+        let row = |k: f64| {
+            let seen = k.sin() * (1.0 - stop - rotated - shutter) + (3.0 * k).sin() * (1.0 - loaded);
+            seen + k.cos() * (0.05 - 1.5 * if goes_on { soft } else { -soft }) + (2.0 * k).sin() * 0.05 * rotated
+        };
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    let [stop, rotated, shutter] =
+        [0, 1, 2].map(|n| fitter.fit(&[rows.effect(&coordinates, n), rows.effect(&coordinates, 3)], &nominal.u, None).unwrap().unwrap());
+    assert!(stop.evidence > rotated.evidence - 10.0 && stop.evidence < rotated.evidence - 3.0, "{} {}", stop.evidence, rotated.evidence);
+    [&stop, &rotated, &shutter].into_iter().for_each(|hypothesis| outcome.keep(hypothesis));
+    outcome.best = rotated;
+    fitter.hold_against_rivals(&mut outcome).unwrap();
+    assert_eq!(outcome.best.effects, stop.effects);
+    assert!(outcome.best.evidence > stop.evidence + 5.0, "{} {}", outcome.best.evidence, stop.evidence);
+    assert_eq!(outcome.fitted[&shutter.effects].0.evidence, shutter.evidence);
+}
+
+#[test]
 fn a_tie_is_held_against_what_was_found_where_the_nominal_model_hides_it() {
     // A hard stop, and creep does as well. Without either, a coupling of eight tolerances makes up for half of it, and there the hard stop has no slope.
     let effects = [("creep", [0, 0]), ("joint-offset", [0, 0]), ("cable-coupling", [0, 1])];
