@@ -230,13 +230,17 @@ pub fn when_told(
     fitted(&reweighted)?.map(|again| closed(&reweighted, again)).transpose()
 }
 
-/// The hypothesis whose effects are named: the most probable with any, where effects that show are more probable together than none. That
-/// their sizes are beyond what sizes scatter by, family-wise, has been asked of them besides.
-fn named<'a>(outcome: &'a Outcome, probabilities: &[(Vec<usize>, f64)]) -> Option<&'a Hypothesis> {
+/// The hypothesis whose effects are named: the most probable with any, together with those that no recording can tell from it, where effects that
+/// show are more probable together than none. That their sizes are beyond what sizes scatter by, family-wise, has been asked of them besides.
+fn named<'a>(outcome: &'a Outcome, sited: &[Sited], probabilities: &[(Vec<usize>, f64)]) -> Option<&'a Hypothesis> {
     let with_any = || probabilities.iter().filter(|(effects, _)| !effects.is_empty());
     let shown: f64 = with_any().map(|(_, p)| p).sum();
-    let fitted = with_any().find_map(|(effects, _)| outcome.fitted.get(effects));
-    fitted.map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))
+    let of_cause = |(effects, own): &(Vec<usize>, f64)| {
+        let (hypothesis, _) = outcome.fitted.get(effects)?;
+        Some((hypothesis, [ties::probability_of_all(probabilities, sited, effects), *own]))
+    };
+    let most = with_any().filter_map(of_cause).max_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    most.map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))
 }
 
 /// What hypotheses say, without the gap, and the hypothesis that closes it: where the verdict blames no effect, that without.
@@ -246,7 +250,7 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
     let parts_unseen = smallest.iter().map(|smallest| (smallest.effect, smallest.part_unseen)).collect();
     let of_all = detectable::part_unseen_of_all(&smallest, &fitter.coordinates.sited);
     let too_small = unknown::with_unseen(&mut probabilities, &parts_unseen, of_all, fitter.coordinates.sited.len());
-    let named = named(outcome, &probabilities);
+    let named = named(outcome, &fitter.coordinates.sited, &probabilities);
     let verdict::Judgement { word, accounted } = verdict::judge(fitter, outcome, named);
     let blamed = named.filter(|_| word != Word::Unexplained);
     let closing = blamed.unwrap_or(&outcome.none);

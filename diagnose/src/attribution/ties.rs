@@ -1,6 +1,6 @@
 //! What cannot be told from a cause, or hardly.
 
-use raven::effects::{Effect, Sited, Tie};
+use raven::effects::Sited;
 use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, Hypothesis};
@@ -40,21 +40,27 @@ pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect
             separate_by: exact.unwrap_or(sited[effect].effect.separated_by),
         })
     };
-    // What the library does not hold as it is the same as what it holds.
-    let same = |tie: &Tie| {
-        let separate_by = tie.exact.filter(|_| Effect::named(tie.id).is_err())?;
-        Some(Tied { id: tie.id, joint: joint(effect), exact: true, gap_nats: 0.0, separate_by })
-    };
+    let same = |(id, separate_by)| Tied { id, joint: joint(effect), exact: true, gap_nats: 0.0, separate_by };
     let of_library = (0..sited.len()).filter(|other| !best.effects.contains(other)).filter_map(stands_in);
-    let mut ties: Vec<Tied> = sited[effect].effect.ties.iter().filter_map(same).chain(of_library).collect();
+    let mut ties: Vec<Tied> = sited[effect].effect.other_names().map(same).chain(of_library).collect();
     ties.sort_by(|a, b| a.gap_nats.total_cmp(&b.gap_nats));
     ties
 }
 
 /// Probability that an effect is there, or one that no recording can tell from it.
 pub(super) fn probability(probabilities: &[(Vec<usize>, f64)], sited: &[Sited], effect: usize) -> f64 {
-    let is_it = |other: &usize| *other == effect || sited[effect].is_exactly(&sited[*other]);
-    probabilities.iter().filter(|(effects, _)| effects.iter().any(is_it)).map(|(_, p)| p).sum()
+    probabilities.iter().filter(|(effects, _)| has(effects, sited, effect)).map(|(_, p)| p).sum()
+}
+
+/// Probability that some effects are there and no others, or those that no recording can tell from them.
+pub(super) fn probability_of_all(probabilities: &[(Vec<usize>, f64)], sited: &[Sited], effects: &[usize]) -> f64 {
+    let are_they = |others: &[usize]| others.len() == effects.len() && effects.iter().all(|&effect| has(others, sited, effect));
+    probabilities.iter().filter(|(others, _)| are_they(others)).map(|(_, p)| p).sum()
+}
+
+/// Whether an effect is among some, or one that no recording can tell from it.
+fn has(effects: &[usize], sited: &[Sited], effect: usize) -> bool {
+    effects.iter().any(|&other| other == effect || sited[effect].is_exactly(&sited[other]))
 }
 
 #[cfg(test)]
@@ -69,8 +75,10 @@ mod tests {
         let named = [("tool-length", None), ("joint-offset", Some("insertion")), ("joint-offset", Some("shoulder"))];
         let sited = named.map(|(id, place)| Sited::at(&robot, id, place).unwrap());
         let probabilities = [(vec![0], 0.4), (vec![1], 0.3), (vec![0, 2], 0.1), (vec![1, 2], 0.05), (vec![2], 0.06), (Vec::new(), 0.09)];
-        for (effect, expected) in [(0, 0.85), (1, 0.85), (2, 0.21)] {
+        for (effect, expected, alone) in [(0, 0.85, 0.7), (1, 0.85, 0.7), (2, 0.21, 0.06)] {
             approx::assert_relative_eq!(probability(&probabilities, &sited, effect), expected, epsilon = 1e-12);
+            approx::assert_relative_eq!(probability_of_all(&probabilities, &sited, &[effect]), alone, epsilon = 1e-12);
         }
+        approx::assert_relative_eq!(probability_of_all(&probabilities, &sited, &[1, 2]), 0.15, epsilon = 1e-12);
     }
 }

@@ -95,14 +95,12 @@ pub fn words(attribution: &Attribution) -> String {
     let mut text = format!("Verdict: {}. {}\n", attribution.verdict.name(), sentence(attribution));
     for blamed in &attribution.effects {
         for tie in &blamed.ties {
-            let what = if tie.exact { "cannot be told from it" } else { "does nearly as well" };
-            let _ = writeln!(
-                text,
-                "  {} {what} ({:.1} nats less); to tell them apart: {}.",
-                at(tie.id, tie.joint.as_deref()),
-                tie.gap_nats,
-                tie.separate_by
-            );
+            let does = match tie.gap_nats {
+                _ if tie.exact => "cannot be told from it".to_owned(),
+                gap if gap > 0.0 => format!("does nearly as well ({gap:.1} nats less)"),
+                _ => "does as well".to_owned(),
+            };
+            let _ = writeln!(text, "  {} {does}; to tell them apart: {}.", at(tie.id, tie.joint.as_deref()), tie.separate_by);
         }
     }
     let _ = writeln!(text, "\n{:<24} {:<20} {:>11} {:>13}", "candidate", "joint", "probability", "evidence/nats");

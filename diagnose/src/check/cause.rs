@@ -33,7 +33,7 @@ impl Names {
     /// The cause that a name stands for: of those that are exactly tied the first in the library.
     #[must_use]
     pub fn cause(&self, id: &str, joint: Option<&str>) -> Cause {
-        let id = if Effect::named(id).is_ok() { id } else { tied_to(id).unwrap_or(id) };
+        let id = tied_to(id).unwrap_or(id);
         let cause = Cause { id: id.to_owned(), joint: joint.map(str::to_owned) };
         let Some((named, _)) = self.sited.iter().find(|(_, known)| *known == cause) else { return cause };
         let first = self.sited.iter().find(|(sited, known)| *known == cause || sited.is_exactly(named));
@@ -77,7 +77,7 @@ pub fn is_outside(label: &Label) -> bool {
 
 /// The effect of the library that is exactly tied to one which it does not hold.
 fn tied_to(id: &str) -> Option<&'static str> {
-    ALL.iter().find(|effect| effect.ties.iter().any(|tie| tie.exact.is_some() && tie.id == id)).map(|effect| effect.id)
+    ALL.iter().find(|effect| effect.other_names().any(|(other, _)| other == id)).map(|effect| effect.id)
 }
 
 #[cfg(test)]

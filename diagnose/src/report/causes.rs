@@ -35,9 +35,12 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
     for effect in &attribution.effects {
         for tie in &effect.ties {
             let (this, other) = (at(effect.id, effect.joint.as_deref()), at(tie.id, tie.joint.as_deref()));
-            let how = if tie.exact { "cannot be told from" } else { "can hardly be told from" };
-            page.ties.push(format!("{this} {how} {other} in these recordings ({:.1} nats).", tie.gap_nats));
-            let record = if tie.exact { "" } else { "record " };
+            let (how, record) = if tie.exact {
+                (format!("{this} cannot be told from {other} in any recording."), "")
+            } else {
+                (format!("{this} can hardly be told from {other} in these recordings ({:.1} nats).", tie.gap_nats), "record ")
+            };
+            page.ties.push(how);
             page.next_steps.push(format!("To tell {this} from {other}, {record}{}.", tie.separate_by));
         }
         page.next_steps.push(format!(
