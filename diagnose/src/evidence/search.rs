@@ -166,15 +166,22 @@ impl Fitter<'_> {
         if !self.leaves_most(outcome) {
             self.look_closely(outcome)?;
             self.hold_against_ties(outcome)?;
-            self.hold_against_rivals(outcome)?;
+            if !self.leaves_much(outcome) {
+                self.hold_against_rivals(outcome)?;
+            }
         }
         self.temper(outcome);
         Ok(())
     }
 
-    /// Whether the best hypothesis explains little and leaves so much that what a closer look is worth is less than a nat: it decides nothing.
+    /// Whether the best hypothesis explains little and leaves very much.
     pub(super) fn leaves_most(&self, outcome: &Outcome) -> bool {
-        self.explains_little(outcome) && self.leftover(&outcome.best).most() > WITHIN_NATS
+        self.explains_little(outcome) && self.leaves_much(outcome)
+    }
+
+    /// Whether the best hypothesis leaves so much that what a closer look is worth is less than a nat: it decides nothing.
+    pub(super) fn leaves_much(&self, outcome: &Outcome) -> bool {
+        self.leftover(&outcome.best).most() > WITHIN_NATS
     }
 
     /// The better of `best` and of effects that the fitted nominal model has as strained numbers.
