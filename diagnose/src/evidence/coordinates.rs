@@ -133,7 +133,7 @@ fn acts(effect: &Effect, u: &[f64]) -> bool {
     effect.parameters.iter().zip(u).any(|(p, &u)| match p.scale {
         Scale::Offset(_) | Scale::Factor(_) | Scale::Magnitude(_) => u != 0.0,
         Scale::Shape { .. } => effect.parameters.len() == 1 && u != ABSENT,
-        Scale::State(_) | Scale::Moment | Scale::Whole { .. } => false,
+        Scale::State { .. } | Scale::Moment | Scale::Whole { .. } => false,
     })
 }
 

@@ -246,7 +246,9 @@ impl Fitter<'_> {
             Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-MILDEST, MILDEST),
             Scale::Whole { .. } => u,
             Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(0.0, 1.0),
-            Scale::Offset(_) | Scale::State(_) => u + step,
+            // Beyond the most it would have no slope, and what is believed of it would lead it far back.
+            Scale::State { size, most } => (u + step).clamp(-most / size, most / size),
+            Scale::Offset(_) => u + step,
             Scale::Factor(_) => u + step.clamp(-STEP_MAX, STEP_MAX),
         }
     }

@@ -227,8 +227,8 @@ impl Fitter<'_> {
                 Scale::Shape { .. } if starts[0].iter().zip(parameters).any(|(_, p)| p.scale.is_shape()) => &[0.0],
                 Scale::Shape { .. } => &[-1.0, 0.0, 1.0],
                 // Where the size vanishes, nothing has been anywhere.
-                Scale::State(_) if !sizes_vanish => &[0.0],
-                Scale::State(_) => &[0.0, 1.0],
+                Scale::State { .. } if !sizes_vanish => &[0.0],
+                Scale::State { .. } => &[0.0, 1.0],
                 Scale::Whole { .. } => &whole,
                 Scale::Moment => &moments,
             };

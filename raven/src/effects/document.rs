@@ -92,7 +92,8 @@ fn prior(parameter: &Parameter) -> String {
         Scale::Factor(size) => format!("x e^(+- {size}){beside}"),
         Scale::Magnitude(size) => format!(">= 0, {}{beside}", sizes(size)),
         Scale::Shape { middle, size } => format!("{middle} x e^(+- {size})"),
-        Scale::State(size) => format!("0 +- {size}, normal"),
+        Scale::State { size, most } if most.is_finite() => format!("0 +- {size}, normal, +- {most} at most"),
+        Scale::State { size, .. } => format!("0 +- {size}, normal"),
         Scale::Moment => "any moment, as a part of the recording".to_owned(),
         Scale::Whole { most } => format!("a whole number to {most}"),
     }

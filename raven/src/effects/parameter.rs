@@ -23,7 +23,12 @@ pub enum Scale {
         size: f64,
     },
     /// `size u`, 0 for none: what the motion before the recording left.
-    State(f64),
+    State {
+        /// Value at `u = 1`.
+        size: f64,
+        /// Largest value of either sign: motion leaves no more.
+        most: f64,
+    },
     /// `u` from 0 to 1 along the recording.
     Moment,
     /// A whole number from 1 to `most`, all as probable, spread over `u` with mean 0 and variance 1: looked for one by one.
@@ -37,7 +42,7 @@ impl Scale {
     /// Whether it is what the motion before a recording left: no number of the robot.
     #[must_use]
     pub fn is_state(self) -> bool {
-        matches!(self, Self::State(_))
+        matches!(self, Self::State { .. })
     }
 
     /// Whether the number says what an effect is like whose other number says whether there is one.
@@ -118,7 +123,7 @@ impl Parameter {
     pub fn value(&self, u: f64, measure: Measure) -> f64 {
         match self.scale {
             Scale::Offset(size) => self.size(size, measure) * u,
-            Scale::State(size) => size * u,
+            Scale::State { size, most } => (size * u).clamp(-most, most),
             Scale::Factor(size) => (size * u).exp(),
             Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
             Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
@@ -135,7 +140,7 @@ impl Parameter {
     pub fn u(&self, value: f64, measure: Measure) -> f64 {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => value / self.size(size, measure),
-            Scale::State(size) => value / size,
+            Scale::State { size, .. } => value / size,
             Scale::Factor(size) => value.ln() / size,
             Scale::Shape { middle, size } => (value / (measure.times(self.unit) * middle)).ln() / size,
             Scale::Moment => value,
@@ -152,7 +157,7 @@ impl Parameter {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => self.size(size, measure) * std,
             Scale::Factor(size) | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
-            Scale::State(size) => size * std,
+            Scale::State { size, .. } => size * std,
             Scale::Moment => std,
             Scale::Whole { .. } => 0.0,
         }
@@ -165,7 +170,7 @@ impl Parameter {
         Some(match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => tolerance / self.size(size, measure),
             Scale::Factor(size) | Scale::Shape { size, .. } => tolerance / size,
-            Scale::State(size) => tolerance / size,
+            Scale::State { size, .. } => tolerance / size,
             Scale::Moment | Scale::Whole { .. } => tolerance,
         })
     }
@@ -183,7 +188,7 @@ impl Parameter {
             Scale::Factor(size) => [1.0 / factor(size), factor(size)],
             Scale::Magnitude(size) => [0.0, REACH * self.size(size, measure)],
             Scale::Shape { middle, size } => [middle / factor(size), middle * factor(size)].map(|limit| limit * measure.times(self.unit)),
-            Scale::State(size) => [-REACH * size, REACH * size],
+            Scale::State { size, most } => [(-REACH * size).max(-most), (REACH * size).min(most)],
             Scale::Moment => [0.0, 1.0],
             Scale::Whole { most } => [1.0, f64::from(most)],
         }
@@ -194,7 +199,7 @@ impl Parameter {
     pub fn usual(&self, measure: Measure) -> Option<f64> {
         match self.scale {
             Scale::Factor(_) => Some(1.0),
-            Scale::State(_) => Some(0.0),
+            Scale::State { .. } => Some(0.0),
             Scale::Magnitude(_) if self.tolerance.is_some() => Some(0.0),
             Scale::Shape { middle, .. } => Some(measure.times(self.unit) * middle),
             _ => None,

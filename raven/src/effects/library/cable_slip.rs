@@ -16,7 +16,7 @@ pub const EFFECT: Effect = Effect {
         // no better than the joint's friction, a sharp limit fits whatever instants of the recording suit it.
         Parameter { name: "width", unit: "1", scale: Scale::Shape { middle: 0.05, size: 1.0 }, tolerance: None },
         // Towards the load less against it: the way from the hard stop, say.
-        Parameter { name: "travel_before", unit: "m", scale: Scale::State(0.1), tolerance: None },
+        Parameter { name: "travel_before", unit: "m", scale: Scale::State { size: 0.1, most: f64::INFINITY }, tolerance: None },
     ],
     channels: &[Channel::Tip],
     needs: &[Need::Load],

@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[
         Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.4), tolerance: Some(|robot, _| robot.tolerances.stiffness) },
         // A soft cable takes seconds to settle: 1 where it was without load until the recording began.
-        Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
+        Parameter { name: "fresh_part", unit: "1", scale: Scale::State { size: 0.7, most: f64::INFINITY }, tolerance: None },
     ],
     channels: &[Channel::Tip],
     needs: &[Need::Load],

@@ -14,7 +14,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "ratio", unit: "1/cable stretch", scale: Scale::Magnitude(Size::of(1.5e-3)), tolerance: None },
         Parameter { name: "time", unit: "s", scale: Scale::Shape { middle: 30.0, size: 0.7 }, tolerance: None },
         // 0 for a robot that has stood there, 1 for one that was without load until then.
-        Parameter { name: "fresh_part", unit: "1", scale: Scale::State(0.7), tolerance: None },
+        Parameter { name: "fresh_part", unit: "1", scale: Scale::State { size: 0.7, most: f64::INFINITY }, tolerance: None },
     ],
     channels: &[Channel::Tip],
     needs: &[Need::Cable],

@@ -15,7 +15,7 @@ pub const EFFECT: Effect = Effect {
         // Of the way back on an arm: straight, as all of a sharp play's, per rounded, as all of Dahl's.
         Parameter { name: "straightness", unit: "1", scale: Scale::Shape { middle: 1.6, size: 1.5 }, tolerance: None },
         // What the motion before the recording left.
-        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.7), tolerance: None },
+        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State { size: 0.7, most: 1.0 }, tolerance: None },
     ],
     channels: &[Channel::Tip],
     needs: &[],
@@ -35,7 +35,7 @@ pub const EFFECT: Effect = Effect {
             half_loop,
             length: shaped(own.length, values[1] * values[0]),
             straight_part: shaped(own.straight_part, straight_part),
-            lag_at_start: shaped(own.lag_at_start, values[3].clamp(-1.0, 1.0)),
+            lag_at_start: shaped(own.lag_at_start, values[3]),
         };
     },
 };

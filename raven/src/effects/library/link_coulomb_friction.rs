@@ -18,7 +18,7 @@ pub const EFFECT: Effect = Effect {
         // Nor whether it holds a joint that rests: a dry bearing does, a wet one gives way.
         Parameter { name: "held_part", unit: "1", scale: Scale::Magnitude(Size::of(1.0)), tolerance: Some(|_, _| 1.0) },
         // Where it held the joint when the recording began.
-        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State(0.6), tolerance: Some(|_, _| 0.6) },
+        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State { size: 0.6, most: 1.0 }, tolerance: Some(|_, _| 0.6) },
     ],
     channels: &[Channel::Tip, Channel::Torque],
     needs: &[Need::JointSide],
@@ -31,7 +31,7 @@ pub const EFFECT: Effect = Effect {
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
             friction.held_part = held(friction.held_part, values[2]);
-            friction.lag_at_start = values[3].clamp(-1.0, 1.0);
+            friction.lag_at_start = values[3];
             // More friction takes more speed to build up: its slope at rest is the bearing's. One much steeper than the model's looks the
             // same, and takes ever smaller steps. A file that leaves the speed to the model goes on doing so.
             let slope = values[1].min(STEEPEST);
