@@ -73,8 +73,8 @@ impl Fitter<'_> {
         Ok(self.slacks_resized(outcome, nominal)? || other)
     }
 
-    /// The better of `best` and of cables that are hardly behind it and so soft that their joints follow slowly, fitted on by slopes of
-    /// rolled-out links: those of settled links lead them astray by tens of nats, which another effect then makes good.
+    /// The better of `best`, if it changes how a joint follows its cable, and of cables that are hardly behind it and so soft that their joints follow
+    /// slowly, fitted on by slopes of rolled-out links: those of settled links stop tens to hundreds of nats short, which another effect then makes good.
     pub(super) fn followed_closely(&self, outcome: &mut Outcome, mut best: Hypothesis) -> Result<Hypothesis> {
         let is_soft = |h: &Hypothesis, effect: usize| {
             let Sited { effect: Effect { element, parameters, .. }, .. } = self.coordinates.sited[effect];
@@ -84,8 +84,10 @@ impl Fitter<'_> {
         let has_soft = |h: &&Hypothesis| h.effects.iter().any(|&effect| is_soft(h, effect));
         let near = |h: &&Hypothesis| h.effects != best.effects && h.evidence > best.evidence - WITHIN_NATS;
         let others = outcome.fitted.values().map(|(hypothesis, _)| hypothesis).filter(near);
-        let soft: Vec<Hypothesis> = [&best].into_iter().chain(others).filter(has_soft).cloned().collect();
-        for other in soft {
+        let soft = others.filter(has_soft);
+        let follows = |h: &&Hypothesis| h.effects.iter().any(|&effect| self.followed(effect).is_some() && !self.is_loose(effect));
+        let followed: Vec<Hypothesis> = [&best].into_iter().filter(follows).chain(soft).cloned().collect();
+        for other in followed {
             let closely = self.fit_with(&other.effects, &other.u, None, Following::RolledOut)?;
             let Some(closely) = closely.filter(|closely| closely.evidence > other.evidence) else { continue };
             outcome.keep(&closely);

@@ -174,7 +174,9 @@ impl Fitter<'_> {
         if following == Following::AllRolledOut {
             return matches!(element, Some(Element::Spring | Element::Dashpot | Element::Slider));
         }
-        let follows = matches!(element, Some(Element::Spring | Element::Slider));
+        // Settled links say nothing of a damper that would be worth holding it for.
+        let swings = following == Following::RolledOut && element == Some(Element::Dashpot);
+        let follows = matches!(element, Some(Element::Spring | Element::Slider)) || swings;
         let with_effect = |&e: &usize| self.followed(e).is_some_and(|joint| Some(joint) == self.followed(effect));
         follows && if effects.is_empty() { self.strain(c, start) > STRAINED } else { effects.iter().any(with_effect) }
     }
