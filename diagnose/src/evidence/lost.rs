@@ -52,6 +52,14 @@ impl Fitter<'_> {
         self.lost_nats(richer, poorer) > LOST_NATS
     }
 
+    /// Other numbers than those that a hypothesis came to, if it is lost beside them.
+    pub(super) fn cheaper(&self, hypothesis: &Hypothesis, other: Vec<f64>) -> Result<Option<Vec<f64>>> {
+        let precision = self.precision(&hypothesis.free, &hypothesis.effects);
+        let here = cost(&hypothesis.free, &precision, &hypothesis.u, &hypothesis.residuals);
+        let there = cost(&hypothesis.free, &precision, &other, &self.exact(&other)?);
+        Ok((there < here - LOST_NATS).then_some(other))
+    }
+
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
         if self.stood_in(outcome)? || self.one_for_several(outcome)? {

@@ -7,7 +7,7 @@
 use raven::Result;
 use rayon::prelude::*;
 
-use super::fit::{Fitter, Hypothesis, cost};
+use super::fit::{Fitter, Hypothesis};
 use super::outcome::Outcome;
 use super::slopes::Following;
 
@@ -36,7 +36,10 @@ impl Fitter<'_> {
         let closely = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
         let fitted: Result<Vec<Option<Hypothesis>>> = rivals
             .par_iter()
-            .map(|(h, [found, other])| closely(&h.effects, &self.cheaper(h, self.taking(&self.without(*found, &best.u), &[*other], &h.u))?))
+            .map(|(h, [found, other])| {
+                let instead = self.taking(&self.without(*found, &best.u), &[*other], &h.u);
+                closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()))
+            })
             .chain(rayon::iter::once(()).map(|()| closely(&best.effects, &best.u)))
             .collect();
         self.taken(outcome, fitted?.into_iter().flatten());
@@ -51,13 +54,5 @@ impl Fitter<'_> {
         };
         let (found, instead) = (lacking(best, other)?, lacking(other, best)?);
         (best.effects.len() == 1 || self.are_tied(found, instead)).then_some([found, instead])
-    }
-
-    /// The numbers of a hypothesis, or others where they cost less.
-    fn cheaper(&self, hypothesis: &Hypothesis, other: Vec<f64>) -> Result<Vec<f64>> {
-        let precision = self.precision(&hypothesis.free, &hypothesis.effects);
-        let here = cost(&hypothesis.free, &precision, &hypothesis.u, &hypothesis.residuals);
-        let there = cost(&hypothesis.free, &precision, &other, &self.exact(&other)?);
-        Ok(if there < here { other } else { hypothesis.u.clone() })
     }
 }

@@ -333,14 +333,18 @@ impl Fitter<'_> {
         (0..sited.len()).filter(|&other| other != effect && sited[effect].shows_where(&sited[other])).collect()
     }
 
-    /// A hypothesis without some of its effects, fitted.
+    /// A hypothesis without some of its effects, fitted: from its numbers, where what is known of it stopped before those.
     pub(super) fn rest(&self, outcome: &Outcome, whole: &Hypothesis, left_out: &[usize]) -> Result<Option<Hypothesis>> {
         let effects: Vec<usize> = whole.effects.iter().copied().filter(|effect| !left_out.contains(effect)).collect();
-        if let Some((known, _)) = outcome.fitted.get(&effects) {
-            return Ok(Some(known.clone()));
-        }
         let without = left_out.iter().fold(whole.u.clone(), |u, &effect| self.without(effect, &u));
-        self.fit(&effects, &without, Some(whole))
+        let known = outcome.fitted.get(&effects).map(|(known, _)| known);
+        let start = match known {
+            Some(known) => self.cheaper(known, without)?,
+            None => Some(without),
+        };
+        let Some(start) = start else { return Ok(known.cloned()) };
+        let again = self.fit(&effects, &start, Some(whole))?;
+        Ok(again.into_iter().chain(known.cloned()).max_by(|a, b| a.evidence.total_cmp(&b.evidence)))
     }
 
     /// The best hypothesis that differs from `best` by one effect, as long as that is better.

@@ -162,3 +162,56 @@ fn a_fit_that_stopped_short_goes_on_from_where_one_came_to_with_a_strained_numbe
     let again = fitter.fitted_as(&stopped, &better).unwrap().unwrap();
     approx::assert_relative_eq!(again.evidence, whole.evidence, epsilon = 0.01);
 }
+
+#[test]
+fn what_motion_left_at_its_most_does_not_keep_others_from_what_they_promise() {
+    // A loop that had lagged by all of it as the recording began. A fit would have it lag by more, beyond which nothing changes.
+    let rows = Seen::new(&[("hysteresis", [1, 0])], |numbers: &[Option<&[f64]>], _| {
+        let [half_loop, lagged] = numbers[0].map_or([0.0; 2], |u| [u[0], (0.7 * u[3]).clamp(-1.0, 1.0)]);
+        let row = |k: f64| k.sin() * (1.0 - half_loop.sqrt()) + k.cos() * (1.2 + lagged);
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitted = Fitter::new(&rows, &coordinates).fit(&[0], &[0.5, 0.0, 0.0, -1.0], None).unwrap().unwrap();
+    approx::assert_relative_eq!(fitted.u[0], 1.0, epsilon = 0.01);
+}
+
+#[test]
+fn what_is_left_without_an_effect_goes_on_from_where_that_came_to() {
+    // A payload whose fit had stopped short; with a rolling shutter, which does nothing, it had not.
+    let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let loaded = numbers[0].map_or(0.0, |u| u[0]);
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * (k as f64).sin() * (1.0 - loaded)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    let [payload, shutter] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let [alone, both] = [&[payload][..], &[payload, shutter]].map(|effects| fitter.fit(effects, &nominal.u, None).unwrap().unwrap());
+    let mut stopped = fitter.at(&[payload], alone.u.iter().map(|u| 0.9 * u).collect()).unwrap().unwrap();
+    stopped.evidence = alone.evidence - 0.5 * dot(&stopped.residuals, &stopped.residuals);
+    assert!(stopped.evidence < both.evidence - 3.0, "{} {}", stopped.evidence, both.evidence);
+    outcome.keep(&stopped);
+    let rest = fitter.rest(&outcome, &both, &[shutter]).unwrap().unwrap();
+    approx::assert_relative_eq!(rest.evidence, alone.evidence, epsilon = 0.1);
+}
+
+#[test]
+fn a_loop_is_followed_closely_though_it_leaves_nothing() {
+    // Settled links have the damper of its joint the wrong way round, which noise would hide.
+    let effects = [("hysteresis", [1, 0]), ("cable-damping", [1, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [half_loop, damper] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let swings = if links == Links::RolledOut { damper } else { -damper };
+        let row = |k: f64| k.sin() * (1.0 - half_loop) + k.cos() * (0.1 - swings);
+        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    let best = fitter.fit(&[rows.effect(&coordinates, 0)], &nominal.u, None).unwrap().unwrap();
+    assert!(!fitter.leftover(&best).remains());
+    let closely = fitter.followed_closely(&mut outcome, best.clone()).unwrap();
+    assert!(closely.evidence > best.evidence + 5.0, "{} {}", closely.evidence, best.evidence);
+}
