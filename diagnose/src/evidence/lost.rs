@@ -91,10 +91,9 @@ impl Fitter<'_> {
         };
         let has_soft = |h: &&Hypothesis| h.effects.iter().any(|&effect| is_soft(h, effect));
         let near = |h: &&Hypothesis| h.effects != best.effects && h.evidence > best.evidence - WITHIN_NATS;
-        let others = outcome.fitted.values().map(|(hypothesis, _)| hypothesis).filter(near);
-        let soft = others.filter(has_soft);
+        let soft = outcome.fitted.values().map(|(hypothesis, _)| hypothesis).filter(near).filter(has_soft);
         let follows = |h: &&Hypothesis| h.effects.iter().any(|&effect| self.followed(effect).is_some() && !self.is_loose(effect));
-        let followed: Vec<Hypothesis> = [&best].into_iter().filter(follows).chain(soft).cloned().collect();
+        let followed: Vec<Hypothesis> = Some(&best).filter(follows).into_iter().chain(soft).cloned().collect();
         for other in followed {
             let closely = self.fit_with(&other.effects, &other.u, None, Following::RolledOut)?;
             let Some(closely) = closely.filter(|closely| closely.evidence > other.evidence) else { continue };

@@ -34,15 +34,13 @@ impl Fitter<'_> {
             return Ok(());
         }
         let closely = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
-        let fitted: Result<Vec<Option<Hypothesis>>> = rivals
-            .par_iter()
-            .map(|(h, [found, other])| {
-                let instead = self.taking(&self.without(*found, &best.u), &[*other], &h.u);
-                closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()))
-            })
-            .chain(rayon::iter::once(()).map(|()| closely(&best.effects, &best.u)))
-            .collect();
-        self.taken(outcome, fitted?.into_iter().flatten());
+        let of_rival = |(h, [found, other]): &(&Hypothesis, [usize; 2])| {
+            let instead = self.taking(&self.without(*found, &best.u), &[*other], &h.u);
+            closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()))
+        };
+        let fits = || rivals.par_iter().map(of_rival).collect::<Result<Vec<Option<Hypothesis>>>>();
+        let (fitted, again) = rayon::join(fits, || closely(&best.effects, &best.u));
+        self.taken(outcome, fitted?.into_iter().chain([again?]).flatten());
         Ok(())
     }
 

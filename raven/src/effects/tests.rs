@@ -4,6 +4,21 @@ use super::*;
 use crate::robot::{Hysteresis, MotorTrack, nominal};
 use crate::simulation::{Options, Session};
 
+/// Motors of joints that swing for two seconds.
+fn swinging(robot: &Robot) -> MotorTrack {
+    let transmission = robot.arm().unwrap().transmission;
+    let joint = |t: f64| Vector3::new(0.8 + 0.1 * (9.0 * t).sin(), 1.6 + 0.1 * (8.0 * t).cos(), 0.35 + 0.01 * (10.0 * t).sin());
+    let time_s: Vec<f64> = (0..2000).map(|k| 1e-3 * f64::from(k)).collect();
+    MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s }
+}
+
+/// Where a model has the tip in images with these stamps [s], in the base frame [m].
+fn seen(model: &Model, motors: &MotorTrack, stamps_s: &[f64], rows: [f64; 2]) -> Vec<Vector3<f64>> {
+    let sight = |&stamp_s: &f64| Sight { stamp_s, position_m: Vector3::zeros(), covariance_m2: Matrix3::identity(), rows };
+    let sights: Vec<Sight> = stamps_s.iter().map(sight).collect();
+    TipModel::new(model, motors).unwrap().rolled_out(&sights, &[]).0.into_iter().map(Option::unwrap).collect()
+}
+
 #[test]
 fn identifiers_are_unique_and_ties_are_known() {
     for effect in ALL {
@@ -31,16 +46,9 @@ fn a_tools_length_is_the_offset_of_the_joint_that_slides() {
 fn what_slipped_before_is_the_offset_that_the_library_ties_to_it() {
     let mut robot = nominal::gold();
     robot.cable_coupling.clear();
-    let transmission = robot.arm().unwrap().transmission;
-    let joint = |t: f64| Vector3::new(0.8 + 0.1 * (9.0 * t).sin(), 1.6 + 0.1 * (8.0 * t).cos(), 0.35 + 0.01 * (10.0 * t).sin());
-    let time_s: Vec<f64> = (0..1000).map(|k| 1e-3 * f64::from(k)).collect();
-    let motors = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s };
-    let sights: Vec<Sight> = (1..9)
-        .map(|k| Sight { stamp_s: 0.1 * f64::from(k), position_m: Vector3::zeros(), covariance_m2: Matrix3::identity(), rows: [0.0; 2] })
-        .collect();
-    let tips = |model: &Model| -> Vec<Vector3<f64>> {
-        TipModel::new(model, &motors).unwrap().rolled_out(&sights, &[]).0.into_iter().map(Option::unwrap).collect()
-    };
+    let motors = swinging(&robot);
+    let stamps_s: Vec<f64> = (1..9).map(|k| 0.1 * f64::from(k)).collect();
+    let tips = |model: &Model| seen(model, &motors, &stamps_s, [0.0; 2]);
     let with = |sited: &Sited, values: &[f64]| {
         let mut model = Model::new(&robot, None).unwrap();
         (sited.effect.act)(&mut model, sited.place, values);
@@ -110,16 +118,8 @@ fn a_late_image_shows_the_tip_where_it_was() {
     let robot = nominal::gold();
     let cameras = Session::new(&robot, Options::default()).unwrap().cameras().unwrap().clone();
     let base_from_left = cameras.base_from_left.unwrap();
-    let transmission = robot.arm().unwrap().transmission;
-    let joint = |t: f64| Vector3::new(0.8 + 0.1 * (9.0 * t).sin(), 1.6 + 0.1 * (8.0 * t).cos(), 0.35 + 0.01 * (10.0 * t).sin());
-    let time_s: Vec<f64> = (0..2000).map(|k| 1e-3 * f64::from(k)).collect();
-    let motors = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s };
-    let seen = |model: &Model, stamps_s: &[f64], rows: [f64; 2]| {
-        let sight = |&stamp_s: &f64| Sight { stamp_s, position_m: Vector3::zeros(), covariance_m2: Matrix3::identity(), rows };
-        let sights: Vec<Sight> = stamps_s.iter().map(sight).collect();
-        let tips = TipModel::new(model, &motors).unwrap().rolled_out(&sights, &[]).0;
-        tips.into_iter().map(Option::unwrap).collect::<Vec<_>>()
-    };
+    let motors = swinging(&robot);
+    let seen = |model: &Model, stamps_s: &[f64], rows: [f64; 2]| seen(model, &motors, stamps_s, rows);
     let mut late = Model::new(&robot, Some(&cameras)).unwrap();
     (late.view.right_minus_left_s, late.view.readout_s) = (LATE_S, READOUT_S);
     let on_time = Model::new(&robot, Some(&cameras)).unwrap();

@@ -64,7 +64,7 @@ fn a_slack_beside_another_effect_is_found_where_a_cable_and_its_stiffening_stand
             let elbow = k.cos() * (0.7 - slack - soft) + (2.0 * k).sin() * (0.7 * soft - stiffened) + (3.0 * k).sin() * 0.1 * soft;
             3.0 * k.sin() * (1.0 - loaded) + elbow
         };
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     assert_eq!(rows.named(), ["backlash", "payload"]);
 }
@@ -81,7 +81,7 @@ fn what_is_beside_an_effect_is_looked_for_where_that_has_been_fitted_again() {
         let payload = if links == Links::RolledOut { loaded } else { 2.0 * loaded };
         let ridge = (-((loaded - 0.75) / 0.1).powi(2)).exp();
         let row = |k: f64| 3.0 * k.sin() * (1.0 - payload) + (2.0 * k).sin() * (2.0 * ridge - shutter) + k.cos() * (1.0 - offset / off);
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     assert_eq!(rows.named(), ["joint-offset", "payload"]);
 }
@@ -93,7 +93,7 @@ fn a_slack_is_found_where_its_joint_bounces_as_recorded_between_sizes_that_were_
         let slack = numbers[0].map_or(0.0, |u| u[0]);
         let bounces_otherwise = 1.0 - (-((slack - 0.27) / 0.03).powi(2)).exp();
         let row = |k: f64| k.sin() * 0.1 * (0.68 - slack) + k.cos() * 0.15 * bounces_otherwise;
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
@@ -146,7 +146,7 @@ fn a_fit_that_stopped_short_goes_on_from_where_one_came_to_with_a_strained_numbe
     let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
         let [offset, loaded] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
         let row = |k: f64| k.sin() * (1.0 - loaded) + 0.054 * (2.0 * k).sin() * (1.0 - offset / off);
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitter = Fitter::new(&rows, &coordinates);
@@ -169,7 +169,7 @@ fn what_motion_left_at_its_most_does_not_keep_others_from_what_they_promise() {
     let rows = Seen::new(&[("hysteresis", [1, 0])], |numbers: &[Option<&[f64]>], _| {
         let [half_loop, lagged] = numbers[0].map_or([0.0; 2], |u| [u[0], (0.7 * u[3]).clamp(-1.0, 1.0)]);
         let row = |k: f64| k.sin() * (1.0 - half_loop.sqrt()) + k.cos() * (1.2 + lagged);
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitted = Fitter::new(&rows, &coordinates).fit(&[0], &[0.5, 0.0, 0.0, -1.0], None).unwrap().unwrap();
@@ -205,7 +205,7 @@ fn a_loop_is_followed_closely_though_it_leaves_nothing() {
         let [half_loop, damper] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
         let swings = if links == Links::RolledOut { damper } else { -damper };
         let row = |k: f64| k.sin() * (1.0 - half_loop) + k.cos() * (0.1 - swings);
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitter = Fitter::new(&rows, &coordinates);

@@ -40,6 +40,11 @@ fn moved_by(moves: fn(&[f64]) -> f64, moved: f64, sticks_below: f64) -> impl Fn(
     }
 }
 
+/// Tips that are off as a row of sines says by its number; by one of them they are off by [`SEEN`] in the mean.
+fn tips(row: impl Fn(f64) -> f64) -> Vec<f64> {
+    (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+}
+
 impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Seen<R> {
     fn new(effects: &[(&'static str, [usize; 2])], residuals: R) -> Self {
         Self { robot: nominal::gold(), effects: effects.to_vec(), residuals }
@@ -177,7 +182,7 @@ fn where_friction_held_a_joint_is_found_once_it_is_known_to_hold() {
         let [factor, held, lag] = [0, 2, 3].map(|n| numbers[0].map_or(0.0, |u| u[n]));
         let missed = [1.0 - factor, 0.9 - held, 0.8 - held * lag];
         let row = |k: f64| k.sin() * missed[0] + (2.0 * k).sin() * missed[1] + k.cos() * missed[2];
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitter = Fitter::new(&rows, &coordinates);
@@ -265,7 +270,7 @@ fn a_large_effect_is_found_of_which_slopes_say_less_than_of_others() {
             let others = (2..5).map(|n| number(n) * (0.22 * k.cos() + ((n as f64) * k).cos())).sum::<f64>();
             3.0 * k.sin() * (1.0 - number(0)) + k.cos() * (1.0 - shutter) - (2.0 * k).sin() * otherwise - others
         };
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     assert_eq!(rows.named(), ["payload", "rolling-shutter"]);
 }

@@ -36,7 +36,7 @@ fn a_fit_that_stopped_short_is_not_taken_for_another_cause() {
         let [loaded, shutter, soft] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
         let followed = if links == Links::RolledOut || numbers[1].is_some() { soft } else { -soft };
         let row = |k: f64| k.sin() * (1.0 - loaded - shutter) + k.cos() * (0.05 - 1.5 * followed) + (2.0 * k).sin() * 0.05 * shutter;
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitter = Fitter::new(&rows, &coordinates);
@@ -74,7 +74,7 @@ fn a_tie_that_stopped_short_beside_another_effect_is_not_taken_for_another_cause
             let seen = k.sin() * (1.0 - stop - rotated - shutter) + (3.0 * k).sin() * (1.0 - loaded);
             seen + k.cos() * (0.05 - 1.5 * if goes_on { soft } else { -soft }) + (2.0 * k).sin() * 0.05 * rotated
         };
-        (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
+        tips(row)
     });
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitter = Fitter::new(&rows, &coordinates);
