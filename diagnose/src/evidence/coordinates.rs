@@ -131,7 +131,7 @@ impl Coordinates {
 /// Whether an effect is there at all: one whose size is zero is not, whatever its shape.
 fn acts(effect: &Effect, u: &[f64]) -> bool {
     effect.parameters.iter().zip(u).any(|(p, &u)| match p.scale {
-        Scale::Offset(_) | Scale::Factor(_) | Scale::Magnitude(_) => u != 0.0,
+        Scale::Offset(_) | Scale::Factor(_) | Scale::FactorUpTo { .. } | Scale::Magnitude(_) | Scale::Part => u != 0.0,
         Scale::Shape { .. } => effect.parameters.len() == 1 && u != ABSENT,
         Scale::State { .. } | Scale::Moment | Scale::Whole { .. } => false,
     })

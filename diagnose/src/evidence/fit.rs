@@ -241,15 +241,18 @@ impl Fitter<'_> {
     /// A step of a coordinate: not through zero where the number cannot be negative, not out of the recording, not too far at once.
     #[must_use]
     pub fn kept_inside(&self, c: usize, u: f64, step: f64) -> f64 {
-        match self.scale(c) {
-            Scale::Magnitude(_) => (u + step.clamp(-STEP_MAX, STEP_MAX)).max(1e-3),
+        let scale = self.scale(c);
+        // Beyond these it would have no slope, and what is believed of it would lead it far back.
+        let [least, largest] = scale.limits_u();
+        match scale {
+            // At zero it would have none either.
+            Scale::Magnitude(_) | Scale::Part => (u + step.clamp(-STEP_MAX, STEP_MAX)).clamp(1e-3, largest),
             Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-MILDEST, MILDEST),
             Scale::Whole { .. } => u,
-            Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(0.0, 1.0),
-            // Beyond the most it would have no slope, and what is believed of it would lead it far back.
-            Scale::State { size, most } => (u + step).clamp(-most / size, most / size),
+            Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(least, largest),
+            Scale::State { .. } => (u + step).clamp(least, largest),
             Scale::Offset(_) => u + step,
-            Scale::Factor(_) => u + step.clamp(-STEP_MAX, STEP_MAX),
+            Scale::Factor(_) | Scale::FactorUpTo { .. } => (u + step.clamp(-STEP_MAX, STEP_MAX)).min(largest),
         }
     }
 
@@ -259,7 +262,7 @@ impl Fitter<'_> {
     pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
         let of_effect = |&effect: &usize| {
             let found: Vec<(f64, f64)> = self.coordinates.sizes(effect).map(|c| (u(c), std(c))).collect();
-            let magnitudes = self.coordinates.sizes(effect).filter(|&c| matches!(self.scale(c), Scale::Magnitude(_)));
+            let magnitudes = self.coordinates.sizes(effect).filter(|&c| matches!(self.scale(c), Scale::Magnitude(_) | Scale::Part));
             // One of so many, or any, which the normal prior of `u` says nothing of.
             let one_of = |c: usize| match self.scale(c) {
                 Scale::Whole { most } => 0.5 * u(c).powi(2) - f64::from(most).ln(),

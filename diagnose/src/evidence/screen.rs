@@ -198,7 +198,7 @@ impl Fitter<'_> {
         let alone = parameters.len() == 1;
         let shaped = parameters.iter().any(|p| !p.scale.is_size());
         let counted = parameters.iter().any(|p| matches!(p.scale, Scale::Whole { .. }));
-        let sizes_vanish = parameters.iter().any(|p| matches!(p.scale, Scale::Offset(_) | Scale::Magnitude(_)));
+        let sizes_vanish = parameters.iter().any(|p| matches!(p.scale, Scale::Offset(_) | Scale::Magnitude(_) | Scale::Part));
         // A limit has no slope where nothing reaches it, and far too much where everything does.
         let fine: Vec<f64> = (-10..=8).map(|k| 0.25 * f64::from(k)).collect();
         let happens = parameters.iter().any(|p| matches!(p.scale, Scale::Moment));
@@ -212,13 +212,14 @@ impl Fitter<'_> {
                 _ if self.coordinates.all[c].is_unknown() => &base[c..=c],
                 // What may be a hundred times the nominal value has slopes that say nothing of it.
                 Scale::Factor(size) if size > 2.0 => &[base[c], -1.2, 0.8, 1.6, 2.4, 3.2],
-                Scale::Factor(_) => &[base[c], -1.2, 0.8, 1.6],
+                Scale::Factor(_) | Scale::FactorUpTo { .. } => &[base[c], -1.2, 0.8, 1.6],
                 // A whole number has no slope in any case, and what the size does is as it is for the other sign.
                 Scale::Offset(_) if counted => &[0.5],
                 // Beside a shape the size must not vanish, or the shape has no slope.
                 Scale::Offset(_) if shaped => &[-0.5, 0.5],
                 // Where the nominal model has borne it so far.
                 Scale::Offset(_) => &base[c..=c],
+                Scale::Part => &[0.5, 1.0],
                 Scale::Magnitude(_) if shaped => &[0.5, 1.5],
                 Scale::Magnitude(_) => &[0.15, 0.5, 1.5],
                 Scale::Shape { .. } if alone && is_cheap => &fine,

@@ -157,9 +157,9 @@ impl Fitter<'_> {
                 moved[c] = value;
                 self.rows.residuals(&self.coordinates.settings(&moved), links, channels)
             };
-            // A magnitude has no other side of zero.
-            let lowest = if matches!(self.scale(c), Scale::Magnitude(_)) { 0.0 } else { f64::NEG_INFINITY };
-            let (from, to) = ((u[c] - step).max(lowest), u[c] + step);
+            // A magnitude has no other side of zero, and no state more than the motion could leave.
+            let [least, largest] = self.scale(c).limits_u();
+            let (from, to) = ((u[c] - step).max(least), (u[c] + step).min(largest));
             let (ahead, behind) = (at(to)?, at(from)?);
             Ok(Arc::new(ahead.iter().zip(&behind).map(|(ahead, behind)| (behind - ahead) / (to - from)).collect()))
         };

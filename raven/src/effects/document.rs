@@ -90,7 +90,9 @@ fn prior(parameter: &Parameter) -> String {
     match parameter.scale {
         Scale::Offset(size) => format!("+- {}{beside}", sizes(size)),
         Scale::Factor(size) => format!("x e^(+- {size}){beside}"),
+        Scale::FactorUpTo { size, most } => format!("x e^(+- {size}), {most} at most{beside}"),
         Scale::Magnitude(size) => format!(">= 0, {}{beside}", sizes(size)),
+        Scale::Part => format!("0 to 1{beside}"),
         Scale::Shape { middle, size } => format!("{middle} x e^(+- {size})"),
         Scale::State { size, most } if most.is_finite() => format!("0 +- {size}, normal, +- {most} at most"),
         Scale::State { size, .. } => format!("0 +- {size}, normal"),

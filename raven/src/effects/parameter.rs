@@ -13,8 +13,17 @@ pub enum Scale {
     Offset(Size),
     /// `exp(size u)`: a factor on the nominal value.
     Factor(f64),
+    /// The same, of which more than so much would change nothing.
+    FactorUpTo {
+        /// Deviation of its logarithm.
+        size: f64,
+        /// The largest.
+        most: f64,
+    },
     /// `size |u|`: cannot be negative, 0 without the effect.
     Magnitude(Size),
+    /// `|u|`, 1 at most: a part of what the model has, 0 without the effect.
+    Part,
     /// `middle exp(size u)`: belongs to an effect whose other number says whether there is one.
     Shape {
         /// Value at `u = 0`.
@@ -54,7 +63,19 @@ impl Scale {
     /// Whether the number says how large an effect is, as against what it is like.
     #[must_use]
     pub fn is_size(self) -> bool {
-        matches!(self, Self::Offset(_) | Self::Factor(_) | Self::Magnitude(_))
+        matches!(self, Self::Offset(_) | Self::Factor(_) | Self::FactorUpTo { .. } | Self::Magnitude(_) | Self::Part)
+    }
+
+    /// Least and largest `u` of what a fit looks at: beyond, values mirror or no longer change.
+    #[must_use]
+    pub fn limits_u(self) -> [f64; 2] {
+        match self {
+            Self::Magnitude(_) => [0.0, f64::INFINITY],
+            Self::Part | Self::Moment => [0.0, 1.0],
+            Self::State { size, most } => [-most / size, most / size],
+            Self::FactorUpTo { size, most } => [f64::NEG_INFINITY, most.ln() / size],
+            Self::Offset(_) | Self::Factor(_) | Self::Shape { .. } | Self::Whole { .. } => [f64::NEG_INFINITY, f64::INFINITY],
+        }
     }
 
     /// `u` of every whole number; empty for other scales.
@@ -121,13 +142,16 @@ impl Parameter {
     /// The value at `u`.
     #[must_use]
     pub fn value(&self, u: f64, measure: Measure) -> f64 {
+        let [least, largest] = self.scale.limits_u();
         match self.scale {
             Scale::Offset(size) => self.size(size, measure) * u,
-            Scale::State { size, most } => (size * u).clamp(-most, most),
+            Scale::State { size, .. } => size * u.clamp(least, largest),
+            Scale::Part => u.abs().min(largest),
             Scale::Factor(size) => (size * u).exp(),
+            Scale::FactorUpTo { size, .. } => (size * u.min(largest)).exp(),
             Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
             Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
-            Scale::Moment => u.clamp(0.0, 1.0),
+            Scale::Moment => u.clamp(least, largest),
             Scale::Whole { most } => {
                 let (middle, spread) = spread(most);
                 (middle + spread * u).round().clamp(1.0, f64::from(most))
@@ -141,9 +165,9 @@ impl Parameter {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => value / self.size(size, measure),
             Scale::State { size, .. } => value / size,
-            Scale::Factor(size) => value.ln() / size,
+            Scale::Factor(size) | Scale::FactorUpTo { size, .. } => value.ln() / size,
             Scale::Shape { middle, size } => (value / (measure.times(self.unit) * middle)).ln() / size,
-            Scale::Moment => value,
+            Scale::Moment | Scale::Part => value,
             Scale::Whole { most } => {
                 let (middle, spread) = spread(most);
                 (value - middle) / spread
@@ -156,9 +180,9 @@ impl Parameter {
     pub fn std(&self, u: f64, std: f64, measure: Measure) -> f64 {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => self.size(size, measure) * std,
-            Scale::Factor(size) | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
+            Scale::Factor(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
             Scale::State { size, .. } => size * std,
-            Scale::Moment => std,
+            Scale::Moment | Scale::Part => std,
             Scale::Whole { .. } => 0.0,
         }
     }
@@ -169,9 +193,10 @@ impl Parameter {
         let tolerance = self.tolerance?(robot, place);
         Some(match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => tolerance / self.size(size, measure),
-            Scale::Factor(size) | Scale::Shape { size, .. } => tolerance / size,
-            Scale::State { size, .. } => tolerance / size,
-            Scale::Moment | Scale::Whole { .. } => tolerance,
+            Scale::Factor(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } | Scale::State { size, .. } => {
+                tolerance / size
+            }
+            Scale::Part | Scale::Moment | Scale::Whole { .. } => tolerance,
         })
     }
 
@@ -186,10 +211,11 @@ impl Parameter {
         match self.scale {
             Scale::Offset(size) => [-REACH * self.size(size, measure), REACH * self.size(size, measure)],
             Scale::Factor(size) => [1.0 / factor(size), factor(size)],
+            Scale::FactorUpTo { size, most } => [1.0 / factor(size), most],
             Scale::Magnitude(size) => [0.0, REACH * self.size(size, measure)],
             Scale::Shape { middle, size } => [middle / factor(size), middle * factor(size)].map(|limit| limit * measure.times(self.unit)),
             Scale::State { size, most } => [(-REACH * size).max(-most), (REACH * size).min(most)],
-            Scale::Moment => [0.0, 1.0],
+            Scale::Part | Scale::Moment => [0.0, 1.0],
             Scale::Whole { most } => [1.0, f64::from(most)],
         }
     }
@@ -198,9 +224,9 @@ impl Parameter {
     #[must_use]
     pub fn usual(&self, measure: Measure) -> Option<f64> {
         match self.scale {
-            Scale::Factor(_) => Some(1.0),
+            Scale::Factor(_) | Scale::FactorUpTo { .. } => Some(1.0),
             Scale::State { .. } => Some(0.0),
-            Scale::Magnitude(_) if self.tolerance.is_some() => Some(0.0),
+            Scale::Magnitude(_) | Scale::Part if self.tolerance.is_some() => Some(0.0),
             Scale::Shape { middle, .. } => Some(measure.times(self.unit) * middle),
             _ => None,
         }

@@ -177,6 +177,19 @@ fn what_motion_left_at_its_most_does_not_keep_others_from_what_they_promise() {
 }
 
 #[test]
+fn friction_that_holds_all_it_can_does_not_keep_others_from_what_they_promise() {
+    // A joint that is held more firmly than by all of its friction, and whose friction fades more slowly than the steepest slope has it.
+    let rows = Seen::new(&[("link-coulomb-friction", [1, 0])], |numbers: &[Option<&[f64]>], _| {
+        let [friction, slope, held] = numbers[0].map_or([0.0; 3], |u| [u[0], (0.7 * u[1]).exp().min(2.0), u[2].abs().min(1.0)]);
+        let row = |k: f64| k.sin() * (1.0 - friction.abs().sqrt()) + k.cos() * (1.2 - held) + (2.0 * k).sin() * (2.2 - slope);
+        tips(row)
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitted = Fitter::new(&rows, &coordinates).fit(&[0], &[0.5, 0.0, 0.2, 0.0], None).unwrap().unwrap();
+    approx::assert_relative_eq!(fitted.u[0], 1.0, epsilon = 0.01);
+}
+
+#[test]
 fn what_is_left_without_an_effect_goes_on_from_where_that_came_to() {
     // A payload whose fit had stopped short; with a rolling shutter, which does nothing, it had not.
     let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0])];

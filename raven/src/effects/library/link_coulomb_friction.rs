@@ -2,8 +2,8 @@
 
 use super::super::{Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
-/// Steepest slope of friction at rest, over the model's own.
-const STEEPEST: f64 = 2.0;
+/// Slope of friction at rest, over the model's own. One much steeper looks the same, and takes ever smaller steps.
+const SLOPE: Scale = Scale::FactorUpTo { size: 0.7, most: 2.0 };
 
 /// link-coulomb-friction.
 pub const EFFECT: Effect = Effect {
@@ -14,9 +14,9 @@ pub const EFFECT: Effect = Effect {
     parameters: &[
         Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.3), tolerance: Some(|robot, _| robot.tolerances.link_friction) },
         // How friction fades towards rest is a law of its own, of which nobody knows the numbers.
-        Parameter { name: "slope_factor", unit: "1", scale: Scale::Factor(0.7), tolerance: Some(|_, _| 0.7) },
+        Parameter { name: "slope_factor", unit: "1", scale: SLOPE, tolerance: Some(|_, _| 0.7) },
         // Nor whether it holds a joint that rests: a dry bearing does, a wet one gives way.
-        Parameter { name: "held_part", unit: "1", scale: Scale::Magnitude(Size::of(1.0)), tolerance: Some(|_, _| 1.0) },
+        Parameter { name: "held_part", unit: "1", scale: Scale::Part, tolerance: Some(|_, _| 1.0) },
         // Where it held the joint when the recording began.
         Parameter { name: "lag_at_start", unit: "1", scale: Scale::State { size: 0.6, most: 1.0 }, tolerance: Some(|_, _| 0.6) },
     ],
@@ -32,11 +32,10 @@ pub const EFFECT: Effect = Effect {
             friction.coulomb *= values[0];
             friction.held_part = held(friction.held_part, values[2]);
             friction.lag_at_start = values[3];
-            // More friction takes more speed to build up: its slope at rest is the bearing's. One much steeper than the model's looks the
-            // same, and takes ever smaller steps. A file that leaves the speed to the model goes on doing so.
-            let slope = values[1].min(STEEPEST);
-            if values[0] != slope {
-                friction.stiction_speed = Some(own * values[0] / slope);
+            // More friction takes more speed to build up: its slope at rest is the bearing's. A file that leaves the speed to the model goes
+            // on doing so.
+            if values[0] != values[1] {
+                friction.stiction_speed = Some(own * values[0] / values[1]);
             }
         }
     },
@@ -44,7 +43,7 @@ pub const EFFECT: Effect = Effect {
 
 /// Of what gave way, a part holds.
 fn held(nominal: f64, part: f64) -> f64 {
-    nominal + (1.0 - nominal) * part.clamp(0.0, 1.0)
+    nominal + (1.0 - nominal) * part
 }
 
 /// The same where the nominal model has none of it: an amount instead of a factor.
@@ -63,8 +62,8 @@ pub const AMOUNT: Amount = Amount {
             let friction = model.link_friction_mut(place.first);
             friction.coulomb = values[0];
             friction.held_part = held(friction.held_part, values[2]);
-            friction.lag_at_start = values[3].clamp(-1.0, 1.0);
-            friction.stiction_speed = Some(own / values[1].min(STEEPEST));
+            friction.lag_at_start = values[3];
+            friction.stiction_speed = Some(own / values[1]);
         },
         ..EFFECT
     },
