@@ -50,6 +50,9 @@ struct Treated {
     is_of_joints: bool,
     /// Whether its effect is about how a joint follows its cable, which goes by all numbers.
     follows: bool,
+    /// Numbers of the hypothesis' effects by which its slopes go, if it is about how their joint follows its cable: what creeps is a multiple
+    /// of what the cable's stiffness lets it stretch.
+    beside: Vec<usize>,
     links: Links,
 }
 
@@ -66,7 +69,10 @@ impl<'f> Slopes<'f> {
         let of_joints = if matches!(following, Following::Settled | Following::Held) { Links::Settled } else { Links::RolledOut };
         let treated = |&c: &usize| {
             let effect = fitter.coordinates.all[c].effect;
-            let (is_own, follows) = (effects.contains(&effect), fitter.followed(effect).is_some());
+            let (is_own, followed) = (effects.contains(&effect), fitter.followed(effect));
+            let follows = followed.is_some();
+            let goes_with = |e: &&usize| follows && !is_own && !fitter.is_loose(**e) && fitter.followed(**e) == followed;
+            let beside = effects.iter().filter(goes_with).flat_map(|&e| fitter.coordinates.of(e)).collect();
             // What does not change how joints follow has the same slopes either way.
             let own_follows = is_own && (following != Following::AllRolledOut || follows);
             let is_of_joints = own_follows || fitter.follows_as(c, effects, start, following);
@@ -76,7 +82,7 @@ impl<'f> Slopes<'f> {
                 (false, true) => of_joints,
                 (false, false) => Links::Settled,
             };
-            Treated { c, is_own, swings, is_of_joints, follows, links }
+            Treated { c, is_own, swings, is_of_joints, follows, beside, links }
         };
         let coordinates: Vec<Treated> = free.iter().map(treated).collect();
         let like = like.map(|like| (like, Arc::new(like.u.clone())));
@@ -110,12 +116,12 @@ impl<'f> Slopes<'f> {
     /// Whether a coordinate has moved too far from where its slopes were taken. Slopes by what belongs to a law go by how much there is of it:
     /// where friction holds nothing, it does not matter where it held a joint.
     fn has_moved(&self, k: usize, u: &[f64], at: &[f64]) -> bool {
-        let Treated { c, is_own, .. } = self.coordinates[k];
+        let Treated { c, is_own, ref beside, .. } = self.coordinates[k];
         let most = if is_own { 0.0 } else { MOVED };
         let moved = |c: usize| (u[c] - at[c]).abs() > most;
         let coordinate = self.fitter.coordinates.all[c];
         let is_of_law = coordinate.is_unknown() || !self.fitter.scale(c).is_size();
-        moved(c) || is_of_law && self.fitter.coordinates.of(coordinate.effect).any(moved)
+        moved(c) || is_of_law && self.fitter.coordinates.of(coordinate.effect).any(moved) || beside.iter().copied().any(moved)
     }
 
     /// Whether slopes about how a joint follows its cable are from somewhere else.

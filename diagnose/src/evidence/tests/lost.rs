@@ -190,6 +190,26 @@ fn friction_that_holds_all_it_can_does_not_keep_others_from_what_they_promise() 
 }
 
 #[test]
+fn what_a_cables_stiffness_does_is_looked_at_again_beside_what_creeps() {
+    // What creeps is fourteen times what stretches, of which slopes without the creep know nothing.
+    let effects = [("creep", [2, 0]), ("cable-stretch", [2, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let [crept, soft] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let row = |k: f64| k.sin() * (1.0 - crept) + k.cos() * (1.0 + 13.0 * crept) * (0.03 - soft);
+        tips(row)
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let [creep, stretch] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let nominal = fitter.at_nominal().unwrap().unwrap();
+    let crept = fitter.taking(&nominal.u, &[creep], &vec![0.9; nominal.u.len()]);
+    let fitted = fitter.fit(&[creep], &crept, Some(&nominal)).unwrap().unwrap();
+    let softer = coordinates.of(stretch).next().unwrap();
+    approx::assert_relative_eq!(fitted.u[softer], 0.03, epsilon = 1e-3);
+    assert!(dot(&fitted.residuals, &fitted.residuals) < 0.1, "{}", dot(&fitted.residuals, &fitted.residuals));
+}
+
+#[test]
 fn what_is_left_without_an_effect_goes_on_from_where_that_came_to() {
     // A payload whose fit had stopped short; with a rolling shutter, which does nothing, it had not.
     let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0])];
