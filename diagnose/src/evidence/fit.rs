@@ -183,7 +183,7 @@ impl Fitter<'_> {
                 }
             }
             let Some(newton) = curvature.clone().cholesky() else { return Ok(None) };
-            let before = value;
+            let (before, begun_with) = (value, damping);
             while 0.5 * gradient.dot(&newton.solve(&gradient)) > PROMISE_MIN.max(PART_MIN * value) && damping < DAMPING[1] {
                 let damped = &curvature + DMatrix::from_diagonal(&(curvature.diagonal() * damping));
                 let Some(step) = damped.cholesky().map(|factor| factor.solve(&gradient)) else { return Ok(None) };
@@ -195,7 +195,9 @@ impl Fitter<'_> {
                 let value_there = cost(&moved, &there);
                 if value_there < value {
                     (u, residuals, value) = (moved, there, value_there);
-                    damping = (damping / 30.0).max(1e-9);
+                    // What took more damping would take it again; slopes of rolled-out links cost more than such a step in vain.
+                    let took_more = damping > begun_with && matches!(following, Following::Settled | Following::Held);
+                    damping = (damping / if took_more { 3.0 } else { 30.0 }).max(1e-9);
                     break;
                 }
                 damping *= 30.0;
