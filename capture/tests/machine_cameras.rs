@@ -110,7 +110,7 @@ fn a_webcam_that_a_killed_recording_left_locked_is_put_back_by_the_next() {
     }
     let said = machine.text("after.err");
     assert!(said.contains("left camera: a recording that was killed had left its exposure, focus or white balance locked"), "{said}");
-    let survey = machine.survey_of("killed.mcap.active");
+    let survey = machine.survey_killed("killed");
     assert!(machine.is_enough(survey.losses[&Side::Left].frames, 15), "{:?}", survey.losses);
 }
 

@@ -5,7 +5,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use raven::log::{FrameData, FrameLosses, Side, Survey, frames};
+use raven::log::{Damage, FrameData, FrameLosses, Side, Survey, frames};
 
 pub use crate::lab::film::PICTURES;
 use crate::lab::{aloud, example, film};
@@ -169,14 +169,21 @@ impl Machine {
 
     /// What is in a recording; it must be whole.
     pub fn survey(&self, name: &str) -> Survey {
-        self.survey_of(&format!("{name}.mcap"))
-    }
-
-    /// The same of a file that is called like this.
-    pub fn survey_of(&self, file: &str) -> Survey {
-        let survey = Survey::of(&self.share.join(file)).unwrap_or_else(|e| panic!("{e} {}", self.text("run.log")));
+        let survey = self.survey_of(&format!("{name}.mcap"));
         assert_eq!(survey.damage, None);
         survey
+    }
+
+    /// What is in a recording that was killed, which may have been writing its last record.
+    pub fn survey_killed(&self, name: &str) -> Survey {
+        let survey = self.survey_of(&format!("{name}.mcap.active"));
+        let broken_off = |damage: &Damage| damage.cut_off_at.is_some() && damage.bad_records == 0;
+        assert!(survey.damage.as_ref().is_none_or(broken_off), "{:?}", survey.damage);
+        survey
+    }
+
+    fn survey_of(&self, file: &str) -> Survey {
+        Survey::of(&self.share.join(file)).unwrap_or_else(|e| panic!("{e} {}", self.text("run.log")))
     }
 
     /// The recording's file.
