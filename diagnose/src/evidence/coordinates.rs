@@ -1,6 +1,6 @@
 //! Every number in which the robot may depart from the model, in units of its effect's own prior.
 
-use raven::effects::{Channel, Effect, Parameter, Scale, Sited};
+use raven::effects::{Channel, Effect, Parameter, Sited};
 use raven::robot::Robot;
 
 use super::rows::{Observed, Setting};
@@ -130,11 +130,8 @@ impl Coordinates {
 
 /// Whether an effect is there at all: one whose size is zero is not, whatever its shape.
 fn acts(effect: &Effect, u: &[f64]) -> bool {
-    effect.parameters.iter().zip(u).any(|(p, &u)| match p.scale {
-        Scale::Offset(_) | Scale::Factor(_) | Scale::FactorUpTo { .. } | Scale::Magnitude(_) | Scale::Part => u != 0.0,
-        Scale::Shape { .. } => effect.parameters.len() == 1 && u != ABSENT,
-        Scale::State { .. } | Scale::Moment | Scale::Whole { .. } => false,
-    })
+    let alone = effect.parameters.len() == 1;
+    effect.parameters.iter().zip(u).any(|(p, &u)| p.scale.is_size() && u != 0.0 || alone && p.scale.is_shape() && u != ABSENT)
 }
 
 /// `u` of a shape that stands for no effect, of effects that have nothing but a shape.

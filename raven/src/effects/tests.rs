@@ -84,10 +84,7 @@ fn values_and_their_units_of_a_slab_are_the_same_thing() {
 fn no_effect_is_no_change() {
     let robot = nominal::gold();
     for sited in Sited::all(&robot) {
-        let neutral =
-            sited.effect.parameters.iter().all(|p| {
-                matches!(p.scale, Scale::Offset(_) | Scale::Factor(_) | Scale::FactorUpTo { .. } | Scale::Magnitude(_) | Scale::Part)
-            });
+        let neutral = sited.effect.parameters.iter().all(|p| p.scale.is_size());
         if neutral {
             let u = vec![0.0; sited.effect.parameters.len()];
             let model = Model::new(&robot, None).unwrap().with(&sited, &u);
