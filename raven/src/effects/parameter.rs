@@ -145,10 +145,10 @@ impl Parameter {
         let [least, largest] = self.scale.limits_u();
         match self.scale {
             Scale::Offset(size) => self.size(size, measure) * u,
-            Scale::State { size, .. } => size * u.clamp(least, largest),
+            Scale::State { size, most } => (size * u).clamp(-most, most),
             Scale::Part => u.abs().min(largest),
             Scale::Factor(size) => (size * u).exp(),
-            Scale::FactorUpTo { size, .. } => (size * u.min(largest)).exp(),
+            Scale::FactorUpTo { size, most } => (size * u).exp().min(most),
             Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
             Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
             Scale::Moment => u.clamp(least, largest),

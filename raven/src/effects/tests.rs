@@ -68,6 +68,19 @@ fn what_slipped_before_is_the_offset_that_the_library_ties_to_it() {
 }
 
 #[test]
+fn the_last_values_that_a_fit_looks_at_can_be_read_back() {
+    for sited in Sited::all(&nominal::gold()) {
+        for parameter in sited.effect.parameters {
+            let [low, high] = parameter.range(sited.measure);
+            for u in parameter.scale.limits_u().into_iter().filter(|u| u.is_finite()) {
+                let value = parameter.value(u, sited.measure);
+                assert!((low..=high).contains(&value), "{} {}: {value} of {low} to {high}", sited.effect.id, parameter.name);
+            }
+        }
+    }
+}
+
+#[test]
 fn values_and_their_units_of_a_slab_are_the_same_thing() {
     for sited in Sited::all(&nominal::gold()) {
         for parameter in sited.effect.parameters {
