@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::outcome::Outcome;
-use crate::evidence::tied::TIED_NATS;
+use crate::evidence::tied::{TIED_NATS, has};
 
 /// Another effect that would do as well.
 #[derive(Debug, Clone, Serialize)]
@@ -49,18 +49,13 @@ pub(super) fn ties(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, effect
 
 /// Probability that an effect is there, or one that no recording can tell from it.
 pub(super) fn probability(probabilities: &[(Vec<usize>, f64)], sited: &[Sited], effect: usize) -> f64 {
-    probabilities.iter().filter(|(effects, _)| has(effects, sited, effect)).map(|(_, p)| p).sum()
+    probabilities.iter().filter(|(effects, _)| has(sited, effects, effect)).map(|(_, p)| p).sum()
 }
 
 /// Probability that some effects are there and no others, or those that no recording can tell from them.
 pub(super) fn probability_of_all(probabilities: &[(Vec<usize>, f64)], sited: &[Sited], effects: &[usize]) -> f64 {
-    let are_they = |others: &[usize]| others.len() == effects.len() && effects.iter().all(|&effect| has(others, sited, effect));
+    let are_they = |others: &[usize]| others.len() == effects.len() && effects.iter().all(|&effect| has(sited, others, effect));
     probabilities.iter().filter(|(others, _)| are_they(others)).map(|(_, p)| p).sum()
-}
-
-/// Whether an effect is among some, or one that no recording can tell from it.
-fn has(effects: &[usize], sited: &[Sited], effect: usize) -> bool {
-    effects.iter().any(|&other| other == effect || sited[effect].is_exactly(&sited[other]))
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use super::fit::{Fitter, Hypothesis, gram};
 use super::linear::{dot, evidence, minimum};
 use super::rows::{ALL, Links};
 use super::slopes::Column;
+use super::tied::has;
 
 /// A hypothesis as the screen saw it.
 #[derive(Debug, Clone)]
@@ -38,8 +39,8 @@ struct Point<'a> {
 }
 
 impl Fitter<'_> {
-    /// Evidence of every effect beside those of `base`, best first. Slopes are taken at `base`, which need not have been fitted; the same
-    /// effects came to `reached` when they were.
+    /// Evidence of every effect beside those of `base`, which hold none that is the same, best first. Slopes are taken at `base`, which need not
+    /// have been fitted; the same effects came to `reached` when they were.
     ///
     /// # Errors
     /// If the robot is no arm.
@@ -70,7 +71,7 @@ impl Fitter<'_> {
             promise.map_or(0.0, |(promise, _)| promise + self.beyond_normal(&base.effects, &|c| base.u[c], &|c| base.std(c)) - reached);
         let candidates: Result<Vec<Option<Candidate>>> = some
             .par_iter()
-            .filter(|effect| !base.effects.contains(effect))
+            .filter(|&&effect| !has(&self.coordinates.sited, &base.effects, effect))
             .map(|&effect| {
                 let mut best: Option<Candidate> = None;
                 for start in self.starts(effect, &base.u) {

@@ -5,6 +5,7 @@
 //! never fitted: a tie would go unsaid, and one of two be named with a probability that both share.
 
 use raven::Result;
+use raven::effects::Sited;
 
 use super::fit::{Fitter, Hypothesis};
 use super::outcome::Outcome;
@@ -17,6 +18,12 @@ pub const TIED_NATS: f64 = 3.0;
 const DOUBT_NATS: f64 = 10.0;
 /// So many of those that alone explain about as much as an effect are held against it beside others.
 const AS_GOOD_ALONE: usize = 3;
+
+/// Whether an effect is among some, or one that no recording of motors and tip can tell from it: beside those it would be named twice.
+#[must_use]
+pub fn has(sited: &[Sited], effects: &[usize], effect: usize) -> bool {
+    effects.iter().any(|&other| other == effect || sited[effect].is_exactly(&sited[other]))
+}
 
 impl Fitter<'_> {
     /// Fits what the library ties to an effect of the best hypothesis in that effect's place, where the screen does not rule it out, and what
@@ -115,7 +122,9 @@ impl Fitter<'_> {
         let Some(least) = alone(effect).map(|alone| (alone.evidence - WITHIN_NATS).max(outcome.none.evidence + HOPE_NATS)) else {
             return Vec::new();
         };
-        let others = self.alike(effect).into_iter().filter(|other| hypothesis.effects.len() > 1 && !hypothesis.effects.contains(other));
+        let (sited, beside) = (&self.coordinates.sited, hypothesis.all_but(effect));
+        let is_new = |other: &usize| !beside.is_empty() && !has(sited, &beside, *other);
+        let others = self.alike(effect).into_iter().filter(is_new);
         let mut others: Vec<(usize, &Hypothesis)> = others.filter_map(|other| Some((other, alone(other)?))).collect();
         others.retain(|(_, alone)| alone.evidence > least);
         others.sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
@@ -126,8 +135,9 @@ impl Fitter<'_> {
 
     /// What the library ties to an effect of a hypothesis, at the places where it shows.
     fn ties_of(&self, hypothesis: &Hypothesis, effect: usize) -> Vec<usize> {
-        let is_tied = |other: &usize| self.are_tied(effect, *other) && !hypothesis.effects.contains(other);
-        (0..self.coordinates.sited.len()).filter(is_tied).collect()
+        let (sited, beside) = (&self.coordinates.sited, hypothesis.all_but(effect));
+        let is_tied = |other: &usize| *other != effect && self.are_tied(effect, *other) && !has(sited, &beside, *other);
+        (0..sited.len()).filter(is_tied).collect()
     }
 
     /// Whether the library ties an effect to another one that shows where it does.

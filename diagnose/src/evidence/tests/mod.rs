@@ -106,13 +106,24 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Observed for Seen<R> {
 }
 
 #[test]
-fn no_effect_is_looked_for_beside_itself() {
-    let rows = Seen::new(&[("cable-coupling", [0, 1])], moved_by(|u| u[0], 1.2, f64::NEG_INFINITY));
+fn no_effect_is_looked_for_beside_itself_or_what_is_the_same() {
+    // A tool's length is the offset of the insertion.
+    let effects = [("tool-length", [0, 0]), ("joint-offset", [2, 0]), ("cable-coupling", [0, 1])];
+    let rows = Seen::new(&effects, moved_by(|u| u[0], 1.2, f64::NEG_INFINITY));
     let coordinates = Coordinates::new(&rows.robot, &rows);
     let fitter = Fitter::new(&rows, &coordinates);
-    let found = fitter.fit(&[0], &fitter.nowhere(), None).unwrap().unwrap();
-    assert!(fitter.screen_some(&found, found.evidence, &[0]).unwrap().is_empty());
-    assert!(!fitter.screen_some(&fitter.at_nominal().unwrap().unwrap(), 0.0, &[0]).unwrap().is_empty());
+    let [length, offset, coupling] = [0, 1, 2].map(|n| rows.effect(&coordinates, n));
+    let found = fitter.fit(&[length], &fitter.nowhere(), None).unwrap().unwrap();
+    let beside = |hypothesis| {
+        let candidates = fitter.screen_some(hypothesis, 0.0, &[length, offset, coupling]).unwrap();
+        candidates.into_iter().map(|candidate| candidate.effects).collect::<std::collections::BTreeSet<_>>()
+    };
+    let sorted = |mut effects: Vec<usize>| {
+        effects.sort_unstable();
+        effects
+    };
+    assert_eq!(beside(&found), [sorted(vec![length, coupling])].into());
+    assert_eq!(beside(&fitter.at_nominal().unwrap().unwrap()), [vec![length], vec![offset], vec![coupling]].into());
 }
 
 #[test]

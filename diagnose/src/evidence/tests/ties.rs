@@ -114,3 +114,24 @@ fn a_tie_is_held_against_what_was_found_where_the_nominal_model_hides_it() {
     let (offset, _) = &outcome.fitted[&vec![effect(1)]];
     approx::assert_relative_eq!(offset.evidence, creep.evidence, epsilon = 3.0);
 }
+
+#[test]
+fn a_tie_is_not_held_against_what_was_found_beside_what_is_the_same() {
+    // A tool's length and a rotation of the cameras, in whose place the offset of the insertion, which is the tool's length, would do as well.
+    let effects = [("camera-rotation", [0, 0]), ("tool-length", [0, 0]), ("joint-offset", [2, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let [rotated, longer, offset] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        tips(|k| k.sin() * (1.0 - longer - offset) + k.cos() * (1.0 - rotated - offset))
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let [rotation, length, offset] = [0, 1, 2].map(|n| rows.effect(&coordinates, n));
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    for effects in [vec![rotation], vec![length], vec![offset], vec![rotation.min(length), rotation.max(length)]] {
+        outcome.keep(&fitter.fit(&effects, &nominal.u, None).unwrap().unwrap());
+        outcome.best = outcome.fitted[&effects].0.clone();
+    }
+    fitter.hold_against_ties(&mut outcome).unwrap();
+    let twice = outcome.fitted.keys().find(|effects| effects.contains(&length) && effects.contains(&offset));
+    assert_eq!(twice, None);
+}
