@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 
 use raven::Result;
-use rayon::prelude::*;
 
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::outcome::Outcome;
 use super::search::{REFITTED, WITHIN_NATS};
 
@@ -19,8 +18,8 @@ impl Fitter<'_> {
         each();
         if let Some(best) = self.fit(&before.best.effects, &before.best.u, None)? {
             let refit = |(effects, u): &(Vec<usize>, Vec<f64>)| self.fit(effects, u, Some(&best));
-            let refitted: Result<Vec<Option<Hypothesis>>> = self.near(before, &best).par_iter().map(refit).collect();
-            for hypothesis in [Some(best)].into_iter().chain(refitted?).flatten() {
+            let refitted = side_by_side(&self.near(before, &best), refit)?;
+            for hypothesis in [best].into_iter().chain(refitted) {
                 outcome.keep(&hypothesis);
                 if self.better(&outcome, &hypothesis, &outcome.best) {
                     outcome.best = hypothesis;

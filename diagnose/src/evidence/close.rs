@@ -5,7 +5,7 @@
 
 use raven::Result;
 
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::lost::LOST_NATS;
 use super::outcome::Outcome;
 use super::search::WITHIN_NATS;
@@ -34,11 +34,7 @@ impl Fitter<'_> {
         if leading.effects.len() > 1 {
             likely.extend(leading.effects.iter().map(|&left_out| (leading.all_but(left_out), self.without(left_out, &from_none))));
         }
-        for (effects, u) in likely {
-            if let Some(hypothesis) = again(&effects, &u)? {
-                outcome.keep(&hypothesis);
-            }
-        }
+        side_by_side(&likely, |(effects, u)| again(effects, u))?.iter().for_each(|hypothesis| outcome.keep(hypothesis));
         outcome.keep(&none);
         let mut best = outcome.none.clone();
         for (hypothesis, _) in outcome.fitted.values() {

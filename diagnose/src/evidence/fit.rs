@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use raven::Result;
 use raven::effects::Scale;
 use raven::stats::normal_cdf;
+use rayon::prelude::*;
 
 use super::coordinates::{Coordinates, MILDEST};
 use super::linear::{dot, evidence};
@@ -277,6 +278,16 @@ impl Fitter<'_> {
         };
         effects.iter().map(of_effect).sum()
     }
+}
+
+/// Does several things side by side, in their order; those that come to nothing are left out.
+pub(super) fn side_by_side<'a, J, T>(jobs: &'a [J], work: impl Fn(&'a J) -> Result<Option<T>> + Send + Sync) -> Result<Vec<T>>
+where
+    J: Sync,
+    T: Send,
+{
+    let done: Result<Vec<Option<T>>> = jobs.par_iter().map(work).collect();
+    Ok(done?.into_iter().flatten().collect())
 }
 
 /// `F` [nat] of residuals at `u`, by the prior precisions of the coordinates that are free.

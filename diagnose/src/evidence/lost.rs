@@ -17,9 +17,8 @@ use std::collections::BTreeSet;
 
 use raven::Result;
 use raven::effects::{Effect, Element, Scale, Sited};
-use rayon::prelude::*;
 
-use super::fit::{Fitter, Hypothesis, cost};
+use super::fit::{Fitter, Hypothesis, cost, side_by_side};
 use super::outcome::Outcome;
 use super::search::{HOPE_NATS, WITHIN_NATS};
 use super::slopes::Following;
@@ -94,9 +93,11 @@ impl Fitter<'_> {
         let soft = outcome.fitted.values().map(|(hypothesis, _)| hypothesis).filter(near).filter(has_soft);
         let follows = |h: &&Hypothesis| h.effects.iter().any(|&effect| self.followed(effect).is_some() && !self.is_loose(effect));
         let followed: Vec<Hypothesis> = Some(&best).filter(follows).into_iter().chain(soft).cloned().collect();
-        for other in followed {
+        let closely = |other: &Hypothesis| {
             let closely = self.fit_with(&other.effects, &other.u, None, Following::RolledOut)?;
-            let Some(closely) = closely.filter(|closely| closely.evidence > other.evidence) else { continue };
+            Ok(closely.filter(|closely| closely.evidence > other.evidence))
+        };
+        for closely in side_by_side(&followed, closely)? {
             outcome.keep(&closely);
             if closely.evidence > best.evidence {
                 best = closely;
@@ -153,8 +154,7 @@ impl Fitter<'_> {
     /// Goes on with hypotheses by slopes of rolled-out links. Tells whether one of them is better than the best, which it then is.
     fn closely(&self, outcome: &mut Outcome, hypotheses: &[Hypothesis]) -> Result<bool> {
         let closely = |h: &Hypothesis| self.fit_with(&h.effects, &h.u, None, Following::RolledOut);
-        let fitted: Result<Vec<Option<Hypothesis>>> = hypotheses.par_iter().map(closely).collect();
-        Ok(self.taken(outcome, fitted?.into_iter().flatten()))
+        Ok(self.taken(outcome, side_by_side(hypotheses, closely)?.into_iter()))
     }
 
     /// Takes in hypotheses. Tells whether one of them is better than the best, which it then is.
@@ -228,11 +228,9 @@ impl Fitter<'_> {
             let mut u = base.u.clone();
             self.coordinates.of(*effect).zip(start).for_each(|(c, value)| u[c] = *value);
             let effects = [base.effects.as_slice(), &[*effect]].concat();
-            let fits = ways.iter().map(|&(following, like)| self.fit_with(&effects, &u, like, following));
-            fits.collect::<Result<Vec<Option<Hypothesis>>>>()
+            side_by_side(ways, |&(following, like)| self.fit_with(&effects, &u, like, following)).map(Some)
         };
-        let fitted: Result<Vec<Vec<Option<Hypothesis>>>> = starts.par_iter().map(fitted).collect();
-        let mut fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().flatten().collect();
+        let mut fitted: Vec<Hypothesis> = side_by_side(starts, fitted)?.into_iter().flatten().collect();
         fitted.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         fitted.truncate(CLOSELY);
         let better = self.taken(outcome, fitted.iter().cloned());

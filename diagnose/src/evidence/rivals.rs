@@ -5,9 +5,8 @@
 //! them: others, fitted on, make good what the laws of those that are there are not quite.
 
 use raven::Result;
-use rayon::prelude::*;
 
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::outcome::Outcome;
 use super::slopes::Following;
 
@@ -38,9 +37,8 @@ impl Fitter<'_> {
             let instead = self.taking(&self.without(*found, &best.u), &[*other], &h.u);
             closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()))
         };
-        let fits = || rivals.par_iter().map(of_rival).collect::<Result<Vec<Option<Hypothesis>>>>();
-        let (fitted, again) = rayon::join(fits, || closely(&best.effects, &best.u));
-        self.taken(outcome, fitted?.into_iter().chain([again?]).flatten());
+        let (fitted, again) = rayon::join(|| side_by_side(&rivals, of_rival), || closely(&best.effects, &best.u));
+        self.taken(outcome, fitted?.into_iter().chain(again?));
         Ok(())
     }
 

@@ -6,10 +6,9 @@
 
 use nalgebra::DVector;
 use raven::Result;
-use rayon::prelude::*;
 
 use super::coordinates::{ABSENT, MILDEST};
-use super::fit::{Fitter, Hypothesis, STRAINED};
+use super::fit::{Fitter, Hypothesis, STRAINED, side_by_side};
 use super::leftover::ACCOUNTED;
 use super::outcome::Outcome;
 use super::rows::Links;
@@ -190,9 +189,7 @@ impl Fitter<'_> {
         let mut strained = self.strained(&none);
         strained.retain(|&effect| !outcome.fitted.contains_key(&vec![effect]));
         strained.truncate(REPLACEMENTS[1]);
-        let fitted: Result<Vec<Option<Hypothesis>>> =
-            strained.par_iter().map(|&effect| self.fit(&[effect], &none.u, Some(&none))).collect();
-        let fitted: Vec<Hypothesis> = fitted?.into_iter().flatten().collect();
+        let fitted = side_by_side(&strained, |&effect| self.fit(&[effect], &none.u, Some(&none)))?;
         fitted.iter().for_each(|hypothesis| outcome.keep(hypothesis));
         Ok(fitted.into_iter().chain([best]).max_by(|a, b| a.evidence.total_cmp(&b.evidence)).unwrap_or(none))
     }
@@ -292,8 +289,7 @@ impl Fitter<'_> {
                 Some(known) => self.at_least(Some(known.clone()), candidate, &from),
                 None => self.fitted_at_least(candidate, like, &from),
             };
-            let hypotheses: Result<Vec<Option<Hypothesis>>> = batch[..near].par_iter().map(fit).collect();
-            fitted.extend(hypotheses?.into_iter().flatten());
+            fitted.extend(side_by_side(&batch[..near], fit)?);
             batch[..near].iter().for_each(|candidate| outcome.remember(candidate));
             tried += near;
             if near < batch.len() {
@@ -351,11 +347,11 @@ impl Fitter<'_> {
     fn reopened(&self, outcome: &mut Outcome, mut best: Hypothesis) -> Result<Hypothesis> {
         for _ in 0..EFFECTS_MAX {
             let mut better: Option<Hypothesis> = None;
-            for left_out in best.effects.clone() {
-                let Some(mut rest) = self.rest(outcome, &best, &[left_out])? else { continue };
-                if let Some(again) = self.fitted_as(&rest, &best)? {
-                    rest = again;
-                }
+            let rest_of = |&left_out: &usize| {
+                let Some(rest) = self.rest(outcome, &best, &[left_out])? else { return Ok(None) };
+                Ok(Some((left_out, self.fitted_as(&rest, &best)?.unwrap_or(rest))))
+            };
+            for (left_out, rest) in side_by_side(&best.effects, rest_of)? {
                 outcome.keep(&rest);
                 let screened = match outcome.screens.get(&rest.effects) {
                     Some(whole) => whole.clone(),

@@ -7,7 +7,7 @@
 use raven::Result;
 use raven::effects::Sited;
 
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::outcome::Outcome;
 use super::screen::Candidate;
 use super::search::{HOPE_NATS, WITHIN_NATS};
@@ -25,6 +25,22 @@ pub fn has(sited: &[Sited], effects: &[usize], effect: usize) -> bool {
     effects.iter().any(|&other| other == effect || sited[effect].is_exactly(&sited[other]))
 }
 
+/// An effect in the place of one of a hypothesis.
+#[derive(Debug, Clone, Copy)]
+struct Swap {
+    effect: usize,
+    other: usize,
+}
+
+impl Swap {
+    /// The hypothesis' effects then, in rising order.
+    fn in_effects_of(self, hypothesis: &Hypothesis) -> Vec<usize> {
+        let mut effects: Vec<usize> = hypothesis.all_but(self.effect).into_iter().chain([self.other]).collect();
+        effects.sort_unstable();
+        effects
+    }
+}
+
 impl Fitter<'_> {
     /// Fits what the library ties to an effect of the best hypothesis in that effect's place, where the screen does not rule it out, and what
     /// is left of those that are tied without any one of their effects: either may come first in the end.
@@ -33,57 +49,67 @@ impl Fitter<'_> {
     /// If the robot is no arm.
     pub(super) fn hold_against_ties(&self, outcome: &mut Outcome) -> Result<()> {
         let best = outcome.best.clone();
-        let leftover = self.leftover(&best);
         // Differences of evidence shrink by so much when what is left counts as noise.
-        let shrink = leftover.most();
-        for &effect in &best.effects {
-            let ties = self.ties_of(&best, effect);
-            let instead = |&other: &usize| {
-                let mut effects: Vec<usize> = best.all_but(effect).into_iter().chain([other]).collect();
-                effects.sort_unstable();
-                effects
-            };
-            let unfitted: Vec<usize> = ties.iter().copied().filter(|other| !outcome.fitted.contains_key(&instead(other))).collect();
-            let Some(rest) = self.rest(outcome, &best, &[effect])? else { continue };
-            outcome.keep(&rest);
-            for (candidate, like) in self.likely_ties(&best, effect, &rest, &unfitted, shrink)? {
-                if let Some(hypothesis) = self.fit(&candidate.effects, &candidate.start, Some(like))? {
-                    outcome.keep(&hypothesis);
-                }
-            }
-            // What was fitted may have stopped on its way, a few nats behind what is the same.
-            let behind = |other: &&usize| {
-                let known = outcome.fitted.get(&instead(other)).map(|(known, _)| known.evidence);
-                known.is_some_and(|known| known < best.evidence && known > best.evidence - WITHIN_NATS)
-            };
-            let behind: Vec<usize> = ties.iter().filter(behind).copied().collect();
-            for other in behind {
-                let start = self.taking(&self.without(effect, &best.u), &[other], &outcome.fitted[&instead(&other)].0.u);
-                if let Some(hypothesis) = self.fit(&instead(&other), &start, Some(&best))? {
-                    outcome.keep(&hypothesis);
-                }
-            }
-            let as_good_alone = self.as_good_alone(outcome, &best, effect);
-            for (other, start) in &as_good_alone {
-                if !outcome.fitted.contains_key(&instead(other))
-                    && let Some(hypothesis) = self.fit(&instead(other), start, Some(&best))?
-                {
-                    outcome.keep(&hypothesis);
-                }
-            }
-            for effects in ties.iter().chain(as_good_alone.iter().map(|(other, _)| other)).map(instead) {
-                let tied = outcome.fitted.get(&effects).map(|(hypothesis, _)| hypothesis.clone());
-                let Some(tied) = tied.filter(|tied| tied.evidence > best.evidence - TIED_NATS * shrink) else { continue };
-                for &left_out in &tied.effects {
-                    if let Some(rest) = self.rest(outcome, &tied, &[left_out])? {
-                        outcome.keep(&rest);
-                    }
-                }
-                if self.better(outcome, &tied, &outcome.best) {
-                    outcome.best = tied;
-                }
+        let shrink = self.leftover(&best).most();
+        let rest_of = |&effect: &usize| Ok(self.rest(outcome, &best, &[effect])?.map(|rest| (effect, rest)));
+        let rests: Vec<(usize, Hypothesis)> = side_by_side(&best.effects, rest_of)?;
+        rests.iter().for_each(|(_, rest)| outcome.keep(rest));
+        let at_place = |(effect, _): &(usize, Hypothesis)| {
+            let (effect, ties) = (*effect, self.ties_of(&best, *effect));
+            ties.into_iter().map(move |other| Swap { effect, other })
+        };
+        let ties: Vec<Swap> = rests.iter().flat_map(at_place).collect();
+        self.fit_likely(outcome, &best, &rests, &ties, shrink)?;
+        // What was fitted may have stopped on its way, a few nats behind what is the same.
+        let behind = |swap: &Swap| {
+            let known = outcome.fitted.get(&swap.in_effects_of(&best)).map(|(known, _)| known);
+            let known = known.filter(|known| known.evidence < best.evidence && known.evidence > best.evidence - WITHIN_NATS);
+            Some((*swap, known?.u.clone()))
+        };
+        self.fit_from_best(outcome, &best, &ties.iter().filter_map(behind).collect::<Vec<_>>())?;
+        let as_good_alone: Vec<(Swap, Vec<f64>)> =
+            rests.iter().flat_map(|(effect, _)| self.as_good_alone(outcome, &best, *effect)).collect();
+        let is_unfitted = |(swap, _): &&(Swap, Vec<f64>)| !outcome.fitted.contains_key(&swap.in_effects_of(&best));
+        self.fit_from_best(outcome, &best, &as_good_alone.iter().filter(is_unfitted).cloned().collect::<Vec<_>>())?;
+        for swap in ties.iter().chain(as_good_alone.iter().map(|(swap, _)| swap)) {
+            let tied = outcome.fitted.get(&swap.in_effects_of(&best)).map(|(hypothesis, _)| hypothesis.clone());
+            let Some(tied) = tied.filter(|tied| tied.evidence > best.evidence - TIED_NATS * shrink) else { continue };
+            let rests = side_by_side(&tied.effects, |&left_out| self.rest(outcome, &tied, &[left_out]))?;
+            rests.iter().for_each(|rest| outcome.keep(rest));
+            if self.better(outcome, &tied, &outcome.best) {
+                outcome.best = tied;
             }
         }
+        Ok(())
+    }
+
+    /// Fits those of some ties that have not been fitted and may do as well, where `rests` are what is left of the best without each effect.
+    fn fit_likely(
+        &self,
+        outcome: &mut Outcome,
+        best: &Hypothesis,
+        rests: &[(usize, Hypothesis)],
+        ties: &[Swap],
+        shrink: f64,
+    ) -> Result<()> {
+        let likely = side_by_side(rests, |(effect, rest)| {
+            let unfitted = |swap: &&Swap| swap.effect == *effect && !outcome.fitted.contains_key(&swap.in_effects_of(best));
+            let unfitted: Vec<usize> = ties.iter().filter(unfitted).map(|swap| swap.other).collect();
+            self.likely_ties(best, *effect, rest, &unfitted, shrink).map(Some)
+        })?;
+        let likely: Vec<(Candidate, &Hypothesis)> = likely.into_iter().flatten().collect();
+        let fitted = side_by_side(&likely, |(candidate, like)| self.fit(&candidate.effects, &candidate.start, Some(like)))?;
+        fitted.iter().for_each(|hypothesis| outcome.keep(hypothesis));
+        Ok(())
+    }
+
+    /// Fits the best hypothesis with another effect in the place of one, each from the best's numbers and the other's own in some `u`.
+    fn fit_from_best(&self, outcome: &mut Outcome, best: &Hypothesis, swaps: &[(Swap, Vec<f64>)]) -> Result<()> {
+        let fit = |(swap, own): &(Swap, Vec<f64>)| {
+            let start = self.taking(&self.without(swap.effect, &best.u), &[swap.other], own);
+            self.fit(&swap.in_effects_of(best), &start, Some(best))
+        };
+        side_by_side(swaps, fit)?.iter().for_each(|hypothesis| outcome.keep(hypothesis));
         Ok(())
     }
 
@@ -115,9 +141,9 @@ impl Fitter<'_> {
         Ok(likely)
     }
 
-    /// Effects that alone are hardly behind one of a hypothesis alone, the best first, each with the hypothesis' numbers and its own in that
-    /// one's place. None where there is no other beside it.
-    fn as_good_alone(&self, outcome: &Outcome, hypothesis: &Hypothesis, effect: usize) -> Vec<(usize, Vec<f64>)> {
+    /// Effects that alone are hardly behind one of a hypothesis alone, the best first, in that one's place, each with where it is alone. None
+    /// where there is no other beside it.
+    fn as_good_alone(&self, outcome: &Outcome, hypothesis: &Hypothesis, effect: usize) -> Vec<(Swap, Vec<f64>)> {
         let alone = |effect: usize| outcome.fitted.get(&vec![effect]).map(|(alone, _)| alone);
         let Some(least) = alone(effect).map(|alone| (alone.evidence - WITHIN_NATS).max(outcome.none.evidence + HOPE_NATS)) else {
             return Vec::new();
@@ -129,8 +155,7 @@ impl Fitter<'_> {
         others.retain(|(_, alone)| alone.evidence > least);
         others.sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
         others.truncate(AS_GOOD_ALONE);
-        let without = self.without(effect, &hypothesis.u);
-        others.into_iter().map(|(other, alone)| (other, self.taking(&without, &[other], &alone.u))).collect()
+        others.into_iter().map(|(other, alone)| (Swap { effect, other }, alone.u.clone())).collect()
     }
 
     /// What the library ties to an effect of a hypothesis, at the places where it shows.
