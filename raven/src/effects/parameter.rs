@@ -207,17 +207,12 @@ impl Parameter {
         const REACH: f64 = 40.0;
         /// And factors.
         const FACTOR: f64 = 1e4;
-        let factor = |size: f64| (REACH * size).exp().min(FACTOR);
-        match self.scale {
-            Scale::Offset(size) => [-REACH * self.size(size, measure), REACH * self.size(size, measure)],
-            Scale::Factor(size) => [1.0 / factor(size), factor(size)],
-            Scale::FactorUpTo { size, most } => [1.0 / factor(size), most],
-            Scale::Magnitude(size) => [0.0, REACH * self.size(size, measure)],
-            Scale::Shape { middle, size } => [middle / factor(size), middle * factor(size)].map(|limit| limit * measure.times(self.unit)),
-            Scale::State { size, most } => [(-REACH * size).max(-most), (REACH * size).min(most)],
-            Scale::Part | Scale::Moment => [0.0, 1.0],
-            Scale::Whole { most } => [1.0, f64::from(most)],
-        }
+        let reach = match self.scale {
+            Scale::Factor(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => REACH.min(FACTOR.ln() / size),
+            _ => REACH,
+        };
+        let [least, largest] = self.scale.limits_u();
+        [least.max(-reach), largest.min(reach)].map(|u| self.value(u, measure))
     }
 
     /// The value that a shape or a second factor has where nothing is said of it; nothing where it must be said.

@@ -68,14 +68,21 @@ fn what_slipped_before_is_the_offset_that_the_library_ties_to_it() {
 }
 
 #[test]
-fn the_last_values_that_a_fit_looks_at_can_be_read_back() {
+fn values_range_to_the_very_most_that_there_is() {
     for sited in Sited::all(&nominal::gold()) {
         for parameter in sited.effect.parameters {
             let [low, high] = parameter.range(sited.measure);
-            for u in parameter.scale.limits_u().into_iter().filter(|u| u.is_finite()) {
-                let value = parameter.value(u, sited.measure);
-                assert!((low..=high).contains(&value), "{} {}: {value} of {low} to {high}", sited.effect.id, parameter.name);
-            }
+            let ends = match parameter.scale {
+                Scale::FactorUpTo { most, .. } => [low, most],
+                Scale::State { most, .. } if most.is_finite() => [-most, most],
+                Scale::Part | Scale::Moment => [0.0, 1.0],
+                Scale::Whole { most } => [1.0, f64::from(most)],
+                Scale::Magnitude(_) => [0.0, high],
+                Scale::Offset(_) | Scale::State { .. } => [-high, high],
+                Scale::Factor(_) | Scale::Shape { .. } => [low.abs(), high],
+            };
+            assert_eq!([low, high], ends, "{} {}", sited.effect.id, parameter.name);
+            assert!(parameter.usual(sited.measure).is_none_or(|usual| (low..=high).contains(&usual)) && low < high);
         }
     }
 }
