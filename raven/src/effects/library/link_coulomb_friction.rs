@@ -1,6 +1,7 @@
 //! Dry friction at the joint.
 
 use super::super::{Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
+use crate::robot::ViscousCoulomb;
 
 /// Slope of friction at rest, over the model's own. One much steeper looks the same, and takes ever smaller steps.
 const SLOPE: Scale = Scale::FactorUpTo { size: 0.7, most: 2.0 };
@@ -30,8 +31,7 @@ pub const EFFECT: Effect = Effect {
         let own = joint.stiction_speed();
         if let Some(friction) = &mut joint.link_friction {
             friction.coulomb *= values[0];
-            friction.held_part = held(friction.held_part, values[2]);
-            friction.lag_at_start = values[3];
+            hold(friction, values);
             // More friction takes more speed to build up: its slope at rest is the bearing's. A file that leaves the speed to the model goes
             // on doing so.
             if values[0] != values[1] {
@@ -41,9 +41,10 @@ pub const EFFECT: Effect = Effect {
     },
 };
 
-/// Of what gave way, a part holds.
-fn held(nominal: f64, part: f64) -> f64 {
-    nominal + (1.0 - nominal) * part
+/// Of what gave way, a part holds, and it did so when the recording began.
+fn hold(friction: &mut ViscousCoulomb, values: &[f64]) {
+    friction.held_part += (1.0 - friction.held_part) * values[2];
+    friction.lag_at_start = values[3];
 }
 
 /// The same where the nominal model has none of it: an amount instead of a factor.
@@ -61,8 +62,7 @@ pub const AMOUNT: Amount = Amount {
             let own = model.robot.joints[place.first].stiction_speed();
             let friction = model.link_friction_mut(place.first);
             friction.coulomb = values[0];
-            friction.held_part = held(friction.held_part, values[2]);
-            friction.lag_at_start = values[3];
+            hold(friction, values);
             friction.stiction_speed = Some(own / values[1]);
         },
         ..EFFECT
