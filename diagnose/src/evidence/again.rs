@@ -30,7 +30,7 @@ impl Fitter<'_> {
         if !self.leaves_most(&outcome) {
             self.add_and_shed(&mut outcome, &nominal, each)?;
         }
-        self.decide(&mut outcome)?;
+        self.decide(&mut outcome, Some(before))?;
         Ok(Some(outcome))
     }
 

@@ -34,7 +34,8 @@ impl Fitter<'_> {
     /// is better than the best, which it then is.
     pub(super) fn slacks_resized(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
         let best = outcome.best.clone();
-        let slacks = best.effects.iter().filter(|&&effect| self.is_loose(effect));
+        // Alone it would be wrong about what the others explain.
+        let slacks = best.effects.iter().filter(|&&effect| best.effects.len() == 1 && self.is_loose(effect));
         let sizes = |&effect: &usize| SIZES.map(|part| (effect, self.coordinates.own(effect, &best.u).iter().map(|u| part * u).collect()));
         let starts: Vec<(usize, Vec<f64>)> = slacks.flat_map(sizes).collect();
         if starts.is_empty() || !self.leftover(&best).remains() {

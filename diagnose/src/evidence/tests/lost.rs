@@ -123,6 +123,29 @@ fn a_slack_that_leaves_something_is_resized_before_others_make_up_for_it() {
 }
 
 #[test]
+fn a_slack_is_not_resized_as_if_what_is_beside_it_were_not_there() {
+    // Something of either remains.
+    let effects = [("backlash", [1, 0]), ("missed-counts", [1, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let [slack, missed] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        tips(|k| k.sin() * (1.0 - slack) + k.cos() * (2.0 - missed) + (2.0 * k).sin())
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    let [slack, missed] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let mut start = nominal.u.clone();
+    coordinates.of(slack).for_each(|c| start[c] = 0.5);
+    outcome.best = fitter.fit(&[slack, missed], &start, Some(&nominal)).unwrap().unwrap();
+    assert!(fitter.leftover(&outcome.best).remains());
+    assert!(!fitter.slacks_resized(&mut outcome, &nominal).unwrap());
+    assert!(!outcome.fitted.contains_key(&vec![slack]));
+    outcome.best = fitter.fit(&[slack], &start, Some(&nominal)).unwrap().unwrap();
+    fitter.slacks_resized(&mut outcome, &nominal).unwrap();
+    assert!(outcome.fitted.contains_key(&vec![slack]));
+}
+
+#[test]
 fn a_loop_that_is_sharper_than_its_fit_came_to_is_found_before_others_make_up_for_it() {
     // Settled links say nothing of how sharp it is, and rolled-out ones only near what it is.
     let effects = [("hysteresis", [1, 0]), ("payload", [0, 0])];
