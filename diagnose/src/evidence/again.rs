@@ -15,6 +15,7 @@ impl Fitter<'_> {
     /// If the robot is no arm.
     pub fn search_again(&self, before: &Outcome, mut each: impl FnMut()) -> Result<Option<Outcome>> {
         let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
+        outcome.compared.clone_from(&before.compared);
         each();
         if let Some(best) = self.fit(&before.best.effects, &before.best.u, None)? {
             let refit = |(effects, u): &(Vec<usize>, Vec<f64>)| self.fit(effects, u, Some(&best));
@@ -30,7 +31,7 @@ impl Fitter<'_> {
         if !self.leaves_most(&outcome) {
             self.add_and_shed(&mut outcome, &nominal, each)?;
         }
-        self.decide(&mut outcome, Some(before))?;
+        self.decide(&mut outcome)?;
         Ok(Some(outcome))
     }
 

@@ -77,7 +77,7 @@ impl Fitter<'_> {
             let freed = Hypothesis { effects: vec![effect], ..none.clone() };
             other |= self.closely(outcome, &[freed])?;
         }
-        Ok(self.slacks_resized(outcome, nominal)? || other)
+        Ok(self.slack_resized(outcome, nominal)? || other)
     }
 
     /// The better of `best`, if it changes how a joint follows its cable, and of cables that are hardly behind it and so soft that their joints follow

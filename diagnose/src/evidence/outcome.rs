@@ -25,6 +25,9 @@ pub struct Outcome {
     pub(super) screens: BTreeMap<Vec<usize>, Vec<Candidate>>,
     /// From where each hypothesis was fitted after a screen.
     starts: BTreeMap<Vec<usize>, Vec<Vec<f64>>>,
+    /// Effects of the best hypothesis after it was held against its ties and rivals. A second search, where rows have other weights, fits those anew
+    /// that came near, and does not look for them again.
+    pub(super) compared: Option<Vec<usize>>,
     /// Effects at their places in the library.
     pub(super) effects: usize,
 }
@@ -41,6 +44,7 @@ impl Outcome {
             screened: BTreeMap::new(),
             screens: BTreeMap::new(),
             starts: BTreeMap::new(),
+            compared: None,
             effects,
         };
         outcome.keep(&none);

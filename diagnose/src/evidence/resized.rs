@@ -18,11 +18,11 @@ const SIZES: [f64; 3] = [0.6, 1.0, 1.7];
 const SHAPES: [f64; 2] = [-1.5, 1.5];
 
 impl Fitter<'_> {
-    /// `best`, or what its slacks come to from other sizes, as long as that is better and something remains, and its laws from other shapes.
+    /// `best`, or what a slack comes to from other sizes, as long as that is better and something remains, and its laws from other shapes.
     pub(super) fn resized(&self, outcome: &mut Outcome, nominal: &Hypothesis, best: Hypothesis) -> Result<Hypothesis> {
         let before = std::mem::replace(&mut outcome.best, best);
         for _ in 0..RESIZED_MAX {
-            if !self.slacks_resized(outcome, nominal)? {
+            if !self.slack_resized(outcome, nominal)? {
                 break;
             }
         }
@@ -30,17 +30,16 @@ impl Fitter<'_> {
         Ok(std::mem::replace(&mut outcome.best, before))
     }
 
-    /// Fits each slack of the best hypothesis, if that leaves something, from sizes about its own and the nominal numbers. Tells whether one of these fits
-    /// is better than the best, which it then is.
-    pub(super) fn slacks_resized(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
+    /// Fits the best hypothesis, if that is a slack alone and leaves something, from sizes about its own and the nominal numbers. Tells whether one of
+    /// these fits is better, which it then is.
+    pub(super) fn slack_resized(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
         let best = outcome.best.clone();
-        // Alone it would be wrong about what the others explain.
-        let slacks = best.effects.iter().filter(|&&effect| best.effects.len() == 1 && self.is_loose(effect));
-        let sizes = |&effect: &usize| SIZES.map(|part| (effect, self.coordinates.own(effect, &best.u).iter().map(|u| part * u).collect()));
-        let starts: Vec<(usize, Vec<f64>)> = slacks.flat_map(sizes).collect();
-        if starts.is_empty() || !self.leftover(&best).remains() {
+        let [slack] = best.effects[..] else { return Ok(false) };
+        if !self.is_loose(slack) || !self.leftover(&best).remains() {
             return Ok(false);
         }
+        let own = self.coordinates.own(slack, &best.u);
+        let starts = SIZES.map(|part| (slack, own.iter().map(|u| part * u).collect()));
         let ways = [Following::Held, Following::Settled].map(|following| (following, Some(nominal)));
         self.begun_again(outcome, nominal, &starts, &ways)
     }

@@ -80,7 +80,7 @@ impl Fitter<'_> {
         if self.found_again(&mut outcome, &nominal)? && !self.leaves_most(&outcome) {
             self.add_and_shed(&mut outcome, &nominal, each)?;
         }
-        self.decide(&mut outcome, None)?;
+        self.decide(&mut outcome)?;
         Ok(Some(outcome))
     }
 
@@ -160,16 +160,16 @@ impl Fitter<'_> {
         self.leftover(&outcome.best).remains() && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED
     }
 
-    /// Looks closely at what is likely, and weighs all of it. What is the best of a search `before`, where rows had other weights, has been held
-    /// against others there.
-    pub(super) fn decide(&self, outcome: &mut Outcome, before: Option<&Outcome>) -> Result<()> {
+    /// Looks closely at what is likely, and weighs all of it.
+    pub(super) fn decide(&self, outcome: &mut Outcome) -> Result<()> {
         if !self.leaves_most(outcome) {
             self.look_closely(outcome)?;
-            if before.is_none_or(|before| before.best.effects != outcome.best.effects) {
+            if outcome.compared.as_ref() != Some(&outcome.best.effects) {
                 self.hold_against_ties(outcome)?;
                 if !self.leaves_much(outcome) {
                     self.hold_against_rivals(outcome)?;
                 }
+                outcome.compared = Some(outcome.best.effects.clone());
             }
         }
         self.temper(outcome);

@@ -138,10 +138,10 @@ fn a_slack_is_not_resized_as_if_what_is_beside_it_were_not_there() {
     coordinates.of(slack).for_each(|c| start[c] = 0.5);
     outcome.best = fitter.fit(&[slack, missed], &start, Some(&nominal)).unwrap().unwrap();
     assert!(fitter.leftover(&outcome.best).remains());
-    assert!(!fitter.slacks_resized(&mut outcome, &nominal).unwrap());
+    assert!(!fitter.slack_resized(&mut outcome, &nominal).unwrap());
     assert!(!outcome.fitted.contains_key(&vec![slack]));
     outcome.best = fitter.fit(&[slack], &start, Some(&nominal)).unwrap().unwrap();
-    fitter.slacks_resized(&mut outcome, &nominal).unwrap();
+    fitter.slack_resized(&mut outcome, &nominal).unwrap();
     assert!(outcome.fitted.contains_key(&vec![slack]));
 }
 
