@@ -113,6 +113,14 @@ fn a_tie_is_held_against_what_was_found_where_the_nominal_model_hides_it() {
     fitter.hold_against_ties(&mut outcome).unwrap();
     let (offset, _) = &outcome.fitted[&vec![effect(1)]];
     approx::assert_relative_eq!(offset.evidence, creep.evidence, epsilon = 3.0);
+    // Once: a second search, of the same best, does not do so again.
+    for (compared, is_held) in [(None, true), (Some(offset.effects.clone()), true), (Some(creep.effects.clone()), false)] {
+        let (_, mut again) = fitter.begun().unwrap().unwrap();
+        again.keep(&creep);
+        (again.best, again.compared) = (creep.clone(), compared);
+        fitter.decide(&mut again).unwrap();
+        assert_eq!(again.fitted.contains_key(&offset.effects), is_held);
+    }
 }
 
 #[test]
