@@ -116,7 +116,7 @@ impl Fitter<'_> {
             for tie in sited[found].effect.ties {
                 let Some(alike) = tie.values else { continue };
                 let is_tied = |other: &Sited| other.effect.id == tie.id && other.place == sited[found].place;
-                let Some(other) = sited.iter().position(is_tied).filter(|other| !best.effects.contains(other)) else { continue };
+                let Some(other) = sited.iter().position(is_tied).filter(|&other| self.can_replace(&best, found, other)) else { continue };
                 let mut u = self.without(found, &best.u);
                 for (c, value) in self.coordinates.of(other).zip(alike(self.rows.robot(), sited[found].place, &values)) {
                     u[c] = self.coordinates.parameter(c).u(value, sited[other].measure);

@@ -33,12 +33,11 @@ impl Fitter<'_> {
     /// Fits the best hypothesis, if that is a slack alone and leaves something, from sizes about its own and the nominal numbers. Tells whether one of
     /// these fits is better, which it then is.
     pub(super) fn slack_resized(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
-        let best = outcome.best.clone();
-        let [slack] = best.effects[..] else { return Ok(false) };
-        if !self.is_loose(slack) || !self.leftover(&best).remains() {
+        let [slack] = outcome.best.effects[..] else { return Ok(false) };
+        if !self.is_loose(slack) || !self.leftover(&outcome.best).remains() {
             return Ok(false);
         }
-        let own = self.coordinates.own(slack, &best.u);
+        let own = self.coordinates.own(slack, &outcome.best.u);
         let starts = SIZES.map(|part| (slack, own.iter().map(|u| part * u).collect()));
         let ways = [Following::Held, Following::Settled].map(|following| (following, Some(nominal)));
         self.begun_again(outcome, nominal, &starts, &ways)

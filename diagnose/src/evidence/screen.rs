@@ -6,9 +6,8 @@ use std::cmp::Ordering;
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
 use raven::effects::{Channel, Element, Scale};
-use rayon::prelude::*;
 
-use super::fit::{Fitter, Hypothesis, gram};
+use super::fit::{Fitter, Hypothesis, gram, side_by_side};
 use super::linear::{dot, evidence, minimum};
 use super::rows::{ALL, Links};
 use super::slopes::Column;
@@ -69,21 +68,17 @@ impl Fitter<'_> {
             .and_then(|(_, cost)| evidence(&point.information, &precision, cost));
         point.promised =
             promise.map_or(0.0, |(promise, _)| promise + self.beyond_normal(&base.effects, &|c| base.u[c], &|c| base.std(c)) - reached);
-        let candidates: Result<Vec<Option<Candidate>>> = some
-            .par_iter()
-            .filter(|&&effect| !has(&self.coordinates.sited, &base.effects, effect))
-            .map(|&effect| {
-                let mut best: Option<Candidate> = None;
-                for start in self.starts(effect, &base.u) {
-                    let candidate = self.looked_at(&point, effect, &start)?;
-                    if let Some(candidate) = candidate.filter(|c| best.as_ref().is_none_or(|best| c.evidence > best.evidence)) {
-                        best = Some(candidate);
-                    }
+        let beside: Vec<usize> = some.iter().copied().filter(|&effect| !has(&self.coordinates.sited, &base.effects, effect)).collect();
+        let mut candidates = side_by_side(&beside, |&effect| {
+            let mut best: Option<Candidate> = None;
+            for start in self.starts(effect, &base.u) {
+                let candidate = self.looked_at(&point, effect, &start)?;
+                if let Some(candidate) = candidate.filter(|c| best.as_ref().is_none_or(|best| c.evidence > best.evidence)) {
+                    best = Some(candidate);
                 }
-                Ok(best)
-            })
-            .collect();
-        let mut candidates: Vec<Candidate> = candidates?.into_iter().flatten().collect();
+            }
+            Ok(best)
+        })?;
         candidates.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         Ok(candidates)
     }

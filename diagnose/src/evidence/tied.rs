@@ -148,9 +148,8 @@ impl Fitter<'_> {
         let Some(least) = alone(effect).map(|alone| (alone.evidence - WITHIN_NATS).max(outcome.none.evidence + HOPE_NATS)) else {
             return Vec::new();
         };
-        let (sited, beside) = (&self.coordinates.sited, hypothesis.all_but(effect));
-        let is_new = |other: &usize| !beside.is_empty() && !has(sited, &beside, *other);
-        let others = self.alike(effect).into_iter().filter(is_new);
+        let can_replace = |other: &usize| hypothesis.effects.len() > 1 && self.can_replace(hypothesis, effect, *other);
+        let others = self.alike(effect).into_iter().filter(can_replace);
         let mut others: Vec<(usize, &Hypothesis)> = others.filter_map(|other| Some((other, alone(other)?))).collect();
         others.retain(|(_, alone)| alone.evidence > least);
         others.sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
@@ -160,9 +159,13 @@ impl Fitter<'_> {
 
     /// What the library ties to an effect of a hypothesis, at the places where it shows.
     fn ties_of(&self, hypothesis: &Hypothesis, effect: usize) -> Vec<usize> {
-        let (sited, beside) = (&self.coordinates.sited, hypothesis.all_but(effect));
-        let is_tied = |other: &usize| *other != effect && self.are_tied(effect, *other) && !has(sited, &beside, *other);
-        (0..sited.len()).filter(is_tied).collect()
+        let is_tied = |other: &usize| self.are_tied(effect, *other) && self.can_replace(hypothesis, effect, *other);
+        (0..self.coordinates.sited.len()).filter(is_tied).collect()
+    }
+
+    /// Whether another effect can stand in for one of a hypothesis, which holds nothing else that is the same.
+    pub(super) fn can_replace(&self, hypothesis: &Hypothesis, effect: usize, other: usize) -> bool {
+        other != effect && !has(&self.coordinates.sited, &hypothesis.all_but(effect), other)
     }
 
     /// Whether the library ties an effect to another one that shows where it does.

@@ -143,3 +143,21 @@ fn a_tie_is_not_held_against_what_was_found_beside_what_is_the_same() {
     let twice = outcome.fitted.keys().find(|effects| effects.contains(&length) && effects.contains(&offset));
     assert_eq!(twice, None);
 }
+
+#[test]
+fn nor_does_it_stand_in_for_another_effect_beside_what_is_the_same() {
+    // Slip of the insertion, which may stand in for an offset, beside a tool's length.
+    let effects = [("cable-slip", [2, 0]), ("tool-length", [0, 0]), ("joint-offset", [2, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let [slipped, longer, offset] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        tips(|k| k.sin() * (1.0 - longer - offset) + k.cos() * (1.0 - slipped))
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let [slip, length, offset] = [0, 1, 2].map(|n| rows.effect(&coordinates, n));
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    outcome.best = fitter.fit(&[slip, length], &nominal.u, None).unwrap().unwrap();
+    fitter.found_again(&mut outcome, &nominal).unwrap();
+    let twice = outcome.fitted.keys().find(|effects| effects.contains(&length) && effects.contains(&offset));
+    assert_eq!(twice, None);
+}
