@@ -1,6 +1,6 @@
 //! From a log to what models and filters take in: motor angles, and tips at the robot's own times and in its own frame.
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::filter::TipAt;
 use crate::log::{JointSeries, Recording, TipStatus};
@@ -104,6 +104,13 @@ impl TipCorrection {
     #[must_use]
     pub fn seen_m(&self, tip_m: &Vector3<f64>) -> Vector3<f64> {
         self.seen_from_true() * (tip_m - self.pivot - self.translation) + self.pivot
+    }
+
+    /// Where the robot has a tip that the cameras see, as a motion in frame 0.
+    #[must_use]
+    pub fn true_from_seen(&self) -> Isometry3<f64> {
+        let moved = self.pivot + self.translation - self.rotation * self.pivot;
+        Isometry3::from_parts(Translation3::from(moved), UnitQuaternion::from_rotation_matrix(&self.rotation))
     }
 
     /// What turns a displacement of the tip into the one that the cameras see.

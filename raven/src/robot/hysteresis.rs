@@ -47,6 +47,21 @@ impl Default for Hysteresis {
     }
 }
 
+impl Hysteresis {
+    /// Lag after a travel, exactly; before and after as a part of the half loop.
+    #[must_use]
+    pub fn lag_after(&self, lag: f64, travel: f64) -> f64 {
+        lagging(lag, self.straight_part, travel / self.length)
+    }
+
+    /// `1 - dz / dx`: what moves behind the lag per travel that is on its `way` [1 or -1]. The lag is a part of the half loop.
+    #[must_use]
+    pub fn passed_on(&self, lag: f64, way: f64) -> f64 {
+        let rounded = (1.0 - self.straight_part).max(f64::MIN_POSITIVE);
+        1.0 - self.half_loop / self.length * ((1.0 - lag * way) / rounded).clamp(0.0, 1.0)
+    }
+}
+
 impl Arm {
     /// The motors' motion as it winds the cables: through the laws of the [listed effects](super::ListedEffect) and behind the hysteresis of
     /// each cable. After a pause there is no lag.

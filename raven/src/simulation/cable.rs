@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! p = r_mc q_mc - e cos(q_mc + phase)          wound by the capstan
-//! w follows p with play                         in the cable
+//! w follows p behind the file's hysteresis, and with play that is hidden, in the cable
 //! x = w - r_l c - z - s                         stretch; z creeps, s has slipped
 //! gamma = 2 k_e x0 sinh(y / x0) + 2 b_e ydot    y is x beyond the dead zone
 //! ```
@@ -12,6 +12,8 @@ use super::machine::Drive;
 /// What a cable remembers.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CableState {
+    /// Lag of the hysteresis that the robot file has, as a part of its half loop.
+    pub lag: f64,
     /// `w`: where the cable's end at the capstan is [m].
     pub follower_m: f64,
     /// `z` [m].
@@ -29,7 +31,7 @@ pub struct Linear {
     pub force_n: f64,
     /// Force per stretch rate [N s/m]: the damper, and the spring over half the step.
     pub slope: f64,
-    /// 1 where the cable's end moves with the capstan, 0 inside the play.
+    /// How much of the capstan's way the cable's end moves: 1 beyond hysteresis and play, 0 inside the play.
     pub engaged: f64,
 }
 
@@ -46,6 +48,11 @@ impl Drive {
     pub fn wound_slope_m(&self, capstan_rad: f64) -> f64 {
         let [eccentricity, phase] = self.eccentricity;
         self.capstan_m + eccentricity * (capstan_rad + phase).sin()
+    }
+
+    /// Length wound [m] once the file's hysteresis has its part of it.
+    fn behind_hysteresis_m(&self, wound_m: f64, lag: f64) -> f64 {
+        wound_m - self.hysteresis_m.half_loop * lag
     }
 
     /// Spring force [N] and its slope [N/m] at a stretch [m].
@@ -66,8 +73,10 @@ impl Drive {
     /// The cable over the coming step. `drive_sign` is the way in which the capstan moves or is about to move.
     #[must_use]
     pub fn linearise(&self, state: &CableState, motion: &Motion, drive_sign: f64, step_s: f64) -> Linear {
-        let to_go = self.play_half_m - drive_sign * (motion.wound_m - state.follower_m);
-        let engaged = f64::from(u8::from(self.play_half_m == 0.0 || to_go <= 0.5 * step_s * motion.wound_rate.abs()));
+        let passed_on = self.hysteresis_m.passed_on(state.lag, drive_sign);
+        let to_go = self.play_half_m - drive_sign * (self.behind_hysteresis_m(motion.wound_m, state.lag) - state.follower_m);
+        let is_engaged = self.play_half_m == 0.0 || to_go <= 0.5 * step_s * (passed_on * motion.wound_rate).abs();
+        let engaged = if is_engaged { passed_on } else { 0.0 };
         let (force_n, stiffness) = self.spring(self.stretch_m(state, motion.taken_m));
         let rate = engaged * motion.wound_rate - motion.taken_rate;
         let free = self.backlash_half_m > 0.0 && (stiffness == 0.0 || force_n * (force_n + 2.0 * self.damping * rate) <= 0.0);
@@ -80,7 +89,9 @@ impl Drive {
 
     /// Moves what the cable remembers over a step that wound it from `before` to `wound_m` under `tension_n`.
     pub fn remember(&self, state: &mut CableState, before_m: f64, wound_m: f64, tension_n: f64, step_s: f64) {
-        state.follower_m = state.follower_m.clamp(wound_m - self.play_half_m, wound_m + self.play_half_m);
+        state.lag = self.hysteresis_m.lag_after(state.lag, wound_m - before_m);
+        let end_m = self.behind_hysteresis_m(wound_m, state.lag);
+        state.follower_m = state.follower_m.clamp(end_m - self.play_half_m, end_m + self.play_half_m);
         if let Some([ratio, time_s]) = self.creep {
             let settled_m = ratio * tension_n / (2.0 * self.stiffness_n);
             // Exact for a force that stays over the step.

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::effect::{Effect, EffectKind};
 use super::outside::{Bulge, Bump, Contact, Wander};
-use crate::robot::{Cable, JointType, Kinematics, KinematicsKind, LinkDynamics, Motor, Robot, ViscousCoulomb};
+use crate::robot::{Cable, Hysteresis, JointType, Kinematics, KinematicsKind, LinkDynamics, Motor, Robot, ViscousCoulomb};
 use crate::{Error, Result};
 
 /// Drive of one joint: motor, capstan, cable.
@@ -22,7 +22,9 @@ pub struct Drive {
     pub damping: f64,
     /// Length over which the cable stiffens [m].
     pub stiffening_m: f64,
-    /// Half the play between capstan and cable [m of cable].
+    /// The hysteresis that the robot file has [m of cable]. What the motion before left of it follows from the session.
+    pub hysteresis_m: Hysteresis,
+    /// Half the play between capstan and cable that is hidden [m of cable].
     pub play_half_m: f64,
     /// Half the dead zone [m of cable].
     pub backlash_half_m: f64,
@@ -219,6 +221,11 @@ impl Drive {
             stiffness_n: cable.stiffness,
             damping: cable.damping,
             stiffening_m: cable.exponent_length,
+            hysteresis_m: Hysteresis {
+                half_loop: joint.hysteresis.half_loop * joint.link_pulley_radius,
+                length: joint.hysteresis.length * joint.link_pulley_radius,
+                ..joint.hysteresis
+            },
             play_half_m: 0.0,
             backlash_half_m: 0.5 * cable.slack,
             creep: None,

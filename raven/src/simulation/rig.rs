@@ -8,6 +8,7 @@ use rand::{Rng, RngExt};
 
 use super::effect::{Effect, EffectKind};
 use crate::camera::{Cameras, Pinhole, Quality};
+use crate::observation::TipCorrection;
 use crate::robot::ArmSide;
 
 /// Where the stand puts the left camera, in frame 0 of the gold arm [m]: hard stop and working range are in both images.
@@ -52,12 +53,15 @@ impl Rig {
         }
     }
 
-    /// Lets effects loose on cameras. `hard_stop_m` is the tip there, as believed.
+    /// Lets effects loose on cameras that stand where a robot file corrects them to. `hard_stop_m` is the tip there, as believed.
     #[must_use]
-    pub fn bent(believed: Cameras, hard_stop_m: &Vector3<f64>, effects: &[Effect]) -> Self {
+    pub fn bent(believed: Cameras, hard_stop_m: &Vector3<f64>, correction: &TipCorrection, effects: &[Effect]) -> Self {
         let mut actual = believed.clone();
         for effect in effects {
             bend(&mut actual, effect, hard_stop_m);
+        }
+        if let (Some(before), Some(bent)) = (believed.base_from_left, actual.base_from_left.as_mut()) {
+            *bent *= before.inverse() * correction.true_from_seen() * before;
         }
         Self { believed, actual }
     }

@@ -8,6 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::effect::{Effect, EffectKind};
 use crate::log::Side;
+use crate::robot::Observation;
 
 /// Standard deviation of a stamp [s].
 const JITTER_S: f64 = 0.001;
@@ -32,12 +33,12 @@ pub struct Delays {
 }
 
 impl Delays {
-    /// The delays that effects cause.
+    /// The delay that a robot file corrects, and those that effects cause.
     #[must_use]
-    pub fn of(effects: &[Effect]) -> Self {
-        let sum = |kind| effects.iter().filter(|e| e.kind == kind).map(|e| e.values[0]).sum();
+    pub fn of(corrected: &Observation, effects: &[Effect]) -> Self {
+        let sum = |kind| effects.iter().filter(|e| e.kind == kind).map(|e| e.values[0]).sum::<f64>();
         Self {
-            latency_s: sum(EffectKind::TimeOffset),
+            latency_s: corrected.latency + sum(EffectKind::TimeOffset),
             drift: sum(EffectKind::ClockDrift),
             right_minus_left_s: sum(EffectKind::StereoDesync),
             readout_s: sum(EffectKind::RollingShutter),

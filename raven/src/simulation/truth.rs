@@ -14,6 +14,7 @@ use super::outside::Outside;
 use super::rig::Rig;
 use super::shutter::Delays;
 use crate::camera::Pinhole;
+use crate::observation::TipCorrection;
 use crate::robot::{KinematicsKind, Robot};
 use crate::{Error, Result};
 
@@ -96,16 +97,17 @@ impl Truth {
         }
         let rig = match &robot.kinematics {
             KinematicsKind::Raven(kinematics) => {
-                let hard_stop_m = kinematics.forward(&robot.arm()?.hard_stop);
+                let arm = robot.arm()?;
+                let hard_stop_m = kinematics.forward(&arm.hard_stop);
                 let drawn = || Rig::draw(kinematics.arm, &mut stream(seed, "rig"));
                 let believed = options.cameras.clone().unwrap_or_else(drawn);
-                Some(Rig::bent(believed, &hard_stop_m, &departures))
+                Some(Rig::bent(believed, &hard_stop_m, &TipCorrection::new(&arm, &robot.observation), &departures))
             }
             KinematicsKind::Bench => None,
         };
         let mut encoders = stream(seed, "encoders");
         let zero_counts = std::array::from_fn(|_| encoders.random_range(-50_000..50_000));
-        let delays = Delays::of(&departures);
+        let delays = Delays::of(&robot.observation, &departures);
         Ok(Self { seed, hidden, effects, deviations, outside: options.outside.clone(), machine, rig, delays, zero_counts })
     }
 
@@ -136,7 +138,7 @@ impl Truth {
             "outside": self.outside.as_ref().map(Outside::to_json),
             "link_pulley_radius_m": per_joint(&|j| drives[j].pulley_m),
             "cable_stiffness_n": per_joint(&|j| drives[j].stiffness_n),
-            "hysteresis_half": per_joint(&|j| drives[j].play_half_m / drives[j].pulley_m),
+            "hysteresis_half": per_joint(&|j| (drives[j].hysteresis_m.half_loop + drives[j].play_half_m) / drives[j].pulley_m),
             "hard_stop": per_joint(&|j| self.machine.hard_stop[j]),
             "motor_at_hard_stop_rad": per_joint(&|j| motor_at_hard_stop.as_ref().map_or(0.0, |motor| motor[j])),
             "latency_s": self.delays.latency_s,

@@ -1,6 +1,7 @@
 use approx::assert_relative_eq;
 
 use super::*;
+use crate::robot::{Hysteresis, MotorTrack};
 
 /// True joint minus the controller's belief, at rest, without the static stretch of the same machine without effects.
 fn offset_at(at: Vector3<f64>, hidden: &[&str]) -> Vector3<f64> {
@@ -85,6 +86,44 @@ fn hysteresis_opens_a_loop_of_its_width() {
     assert_relative_eq!(half_loop(&robot, &["hysteresis:elbow=0.012"], 1, 0.2) - bare, 0.012, epsilon = 2e-4);
     let bare = half_loop(&robot, &[], 2, 0.03);
     assert_relative_eq!(half_loop(&robot, &["hysteresis:insertion=0.0012"], 2, 0.03) - bare, 0.0012, epsilon = 1e-5);
+}
+
+/// What is wound is what the model makes of it: by its law, and by sharp play, which it ends in.
+#[test]
+fn a_hysteresis_of_the_file_lags_by_its_law() {
+    let arm_with = |j: usize, hysteresis: Hysteresis| {
+        let mut robot = stiff();
+        robot.joints[j].hysteresis = hysteresis;
+        robot
+    };
+    let (elbow, insertion) = (pose(45.0, 90.0, 0.35) - pose(45.0, 79.0, 0.35), pose(45.0, 90.0, 0.35) - pose(45.0, 90.0, 0.32));
+    for (j, swing, hysteresis) in [
+        (1, elbow, Hysteresis { half_loop: 0.012, length: 0.02, straight_part: 0.0, lag_at_start: 0.4 }),
+        (1, elbow, Hysteresis { half_loop: 0.012, length: 0.02, straight_part: -1.0, lag_at_start: 0.0 }),
+        (2, insertion, Hysteresis { half_loop: 0.002, length: 0.002, straight_part: 1.0 - 1e-9, lag_at_start: 0.0 }),
+    ] {
+        let middle = pose(45.0, 90.0, 0.35);
+        let path = Trajectory::rest(middle).then(0.1, 3.0, middle + swing).then(0.3, 4.0, middle - swing).then(0.3, 4.0, middle + 0.3 * swing);
+        let lag = |hysteresis: Hysteresis| {
+            let robot = arm_with(j, hysteresis);
+            let trace = session(&robot, &[], &path, path.end_s());
+            let lags: Vec<f64> = trace.samples().iter().map(|sample| believed(&robot, sample)[j] - sample.joint[j]).collect();
+            let motor = MotorTrack {
+                time_s: (0..lags.len()).map(|k| 1e-3 * k as f64).collect(),
+                angle: trace.samples().iter().map(|sample| sample.cycle.motor).collect(),
+            };
+            let (arm, winding) = (robot.arm().unwrap(), robot.arm().unwrap().winding(&motor).into_owned());
+            let modelled: Vec<f64> =
+                motor.angle.iter().zip(&winding.angle).map(|(a, b)| (arm.transmission.joint_from_motor(a) - arm.transmission.joint_from_motor(b))[j]).collect();
+            (lags, modelled)
+        };
+        let ((bare, _), (lagging, modelled)) = (lag(Hysteresis::default()), lag(hysteresis));
+        // From where a whole swing has brought the lag to one side.
+        let off = (3000..bare.len()).map(|k| (lagging[k] - bare[k] - modelled[k]).abs()).fold(0.0, f64::max);
+        assert!(off < 0.02 * hysteresis.half_loop, "{hysteresis:?}: {off}");
+        let seen = modelled[3000..].iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(seen < -0.95 * hysteresis.half_loop, "{hysteresis:?}: {seen}");
+    }
 }
 
 #[test]

@@ -4,8 +4,9 @@ use approx::assert_relative_eq;
 use nalgebra::Matrix3;
 
 use super::*;
+use crate::effects::Sited;
 use crate::log::{MotorSource, Recording, TipStatus};
-use crate::robot::{ArmSide, KinematicsKind, Robot};
+use crate::robot::{ArmSide, KinematicsKind, Observation, Robot};
 
 fn recorded(robot: &Robot, options: Options, motion: Motion, duration_s: f64) -> (Session, Recording) {
     let folder = tempfile::tempdir().unwrap();
@@ -135,6 +136,29 @@ fn a_turned_rig_turns_the_tip_about_the_hard_stop() {
     }
 }
 
+/// What a robot file corrects is so in its simulation, and what is hidden is once it has been put into the file.
+#[test]
+fn what_the_file_corrects_is_in_the_images() {
+    let mut robot = nominal::gold();
+    robot.observation = Observation { latency: 0.03, rotation: [0.02, -0.01, 0.03], translation: [1e-3, -2e-3, 3e-3] };
+    let turn = [0.025, -0.01, 0.015];
+    let cameras = Session::new(&robot, options(&[])).unwrap().cameras().cloned();
+    let turned = Sited::at(&robot, "camera-rotation", None).unwrap().added_to(&robot, cameras.as_ref(), &turn).unwrap();
+    for (hides, effect, corrects) in
+        [(&robot, vec![], &robot), (&robot, vec!["camera-rotation=0.025,-0.01,0.015"], &turned), (&turned, vec![], &turned)]
+    {
+        let (session, log) = recorded(hides, Options { noise_px: 1e-4, ..options(&effect) }, Motion::Sinusoid, 10.0);
+        let (_, trace) = session.run(Motion::Sinusoid, 10.0, || {}).unwrap();
+        let kinematics = robot.arm().unwrap().kinematics;
+        let tips = log.tips(corrects).unwrap();
+        assert!(tips.len() > 100);
+        for tip in tips {
+            let miss = tip.position - kinematics.forward(&trace.joint_at(tip.time_s));
+            assert!(miss.norm() < 2e-5, "{effect:?}: {miss}");
+        }
+    }
+}
+
 #[test]
 fn a_longer_baseline_brings_the_tip_nearer() {
     // Depth is f b / disparity: believing b where b (1 + s) is, everything is at 1 / (1 + s) of its distance.
@@ -156,7 +180,7 @@ fn a_late_right_image_shifts_depth_with_lateral_speed() {
 
 #[test]
 fn rows_of_a_rolling_shutter_are_late_by_their_place() {
-    let delays = Delays::of(&effects(&["rolling-shutter=0.04"]));
+    let delays = Delays::of(&Observation::default(), &effects(&["rolling-shutter=0.04"]));
     assert_relative_eq!(delays.of_row(239.5, 480), 0.0);
     assert_relative_eq!(delays.of_row(479.5, 480), 0.02);
     let (bent, straight) = (tip_misses(&["rolling-shutter=0.04"], Motion::Sinusoid), tip_misses(&[], Motion::Sinusoid));
