@@ -10,6 +10,7 @@ use serde::de::IgnoredAny;
 
 use super::{Cameras, Pinhole};
 use crate::files::{self, yaml_float, yaml_list};
+use crate::log::LARGEST_SIDE;
 use crate::{Error, Result};
 
 /// How good a calibration was. All members are optional: a file from elsewhere may not say.
@@ -258,8 +259,13 @@ fn pinhole(name: &str, info: &CameraInfo) -> Result<Pinhole, String> {
             return Err(format!("{name}.camera_matrix has {key} = {focal}, expected pixels."));
         }
     }
-    if !distortion.iter().chain(&[cx, cy]).all(|v| v.is_finite()) || info.image_width == 0 || info.image_height == 0 {
-        return Err(format!("{name} has a number that is not finite, or an image without pixels."));
+    if !distortion.iter().chain(&[cx, cy]).all(|v| v.is_finite()) {
+        return Err(format!("{name} has a number that is not finite."));
+    }
+    for (key, pixels) in [("image_width", info.image_width), ("image_height", info.image_height)] {
+        if !(1..=LARGEST_SIDE).contains(&pixels) {
+            return Err(format!("{name}.{key} is {pixels}, expected 1 to {LARGEST_SIDE} pixels."));
+        }
     }
     Ok(Pinhole { width: info.image_width, height: info.image_height, fx, fy, cx, cy, distortion })
 }

@@ -119,6 +119,10 @@ fn millimetres_and_mirrors_are_named() {
     let fails = |text: &str| parse(text).unwrap_err().to_string();
     assert!(fails(&good.replace("translation: [-0.048", "translation: [-48.0")).contains("millimetres"));
     assert!(fails(&good.replace("plumb_bob", "equidistant")).contains("equidistant"));
+    for pixels in ["0", "4294967295"] {
+        let refused = fails(&good.replacen("image_height: 480", &format!("image_height: {pixels}"), 1));
+        assert!(refused.contains(&format!("left.image_height is {pixels}")), "{refused}");
+    }
     let start = good.find("right_from_left").unwrap();
     let end = start + good[start..].find('\n').unwrap();
     let mirror = "right_from_left: {rotation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0], translation: [-0.048, 0.0, 0.0]}";

@@ -43,6 +43,7 @@ pub use jpeg::is_truncated_jpeg;
 pub use lag::Lag;
 pub use live::{active_name, complete};
 pub use losses::FrameLosses;
+pub use pixels::LARGEST_SIDE;
 pub use protobuf::{ClockSample, FrameMeta};
 pub use quality::{GAP_FACTOR, StreamQuality};
 pub use raven_jpeg::Part;

@@ -12,7 +12,7 @@ use super::{CameraFrame, FrameData, jpeg};
 use crate::{Error, Result};
 
 /// Larger images are damage, not data.
-const LARGEST_SIDE: u32 = 16_384;
+pub const LARGEST_SIDE: u32 = 16_384;
 
 /// The whole of an image, in Rust with vector instructions, takes less time than a larger share of it.
 const LARGEST_PART: f64 = 0.5;

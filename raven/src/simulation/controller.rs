@@ -135,10 +135,10 @@ impl Controller {
         let mut read = *motor;
         for j in 0..3 {
             let Some(per_rad) = self.counts_per_rad else { continue };
-            // Angles are below 1e4 rad: the counts fit.
-            let turned = ((motor[j] - stop[j]) * per_rad).round() as i32 + missed[j];
-            counts[j] = self.zero_counts[j] + self.encoder_sign as i32 * turned;
-            read[j] = stop[j] + f64::from(turned) / per_rad;
+            let turned = ((motor[j] - stop[j]) * per_rad).round() + f64::from(missed[j]);
+            // The message's 32 bits wrap as a counter does; the controller counts on.
+            counts[j] = (f64::from(self.zero_counts[j]) + self.encoder_sign * turned) as i64 as i32;
+            read[j] = stop[j] + turned / per_rad;
         }
         let motor_rate = self.last_motor.map_or_else(Vector3::zeros, |last| (read - last) / CYCLE_S);
         self.last_motor = Some(read);

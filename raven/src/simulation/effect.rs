@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
-use crate::robot::Robot;
+use crate::robot::{KinematicsKind, Robot};
 use crate::{Error, Result};
 
 use EffectKind::*;
@@ -230,11 +230,17 @@ impl Effect {
         Ok(Self { kind, target: target.map(str::to_owned), values: complete })
     }
 
-    /// Refuses a joint that the robot does not have.
+    /// Refuses a joint that the robot does not have, and on a bench what is not of one joint.
     ///
     /// # Errors
     /// With the joints there are.
     pub fn check_target(&self, robot: &Robot) -> Result<()> {
+        if matches!(robot.kinematics, KinematicsKind::Bench) && self.kind.scope() != Joint {
+            let (name, joints) = (&robot.name, robot.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", "));
+            return Err(Error::Argument(format!(
+                "--effect {self}: robot `{name}` is a bench, which has no tip, no cameras and joints that do not move each other's cables; an                  effect there is on one of its joints ({joints})."
+            )));
+        }
         match (self.kind.scope(), self.target.as_deref()) {
             (Joint, Some(joint)) => robot.joint_index(joint).map(|_| ()),
             (Pair, Some(pair)) => self.pair_names(pair).and_then(|(from, to)| {

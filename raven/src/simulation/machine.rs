@@ -264,9 +264,7 @@ fn actual_robot(robot: &Robot, effects: &[Effect]) -> Result<Robot> {
                 continue;
             }
             EffectKind::ToolLength | EffectKind::LinkAngleError => {
-                let KinematicsKind::Raven(kinematics) = &mut actual.kinematics else {
-                    return Err(Error::Argument(format!("--effect {effect}: a bench has no tool and no link angles.")));
-                };
+                let KinematicsKind::Raven(kinematics) = &mut actual.kinematics else { continue };
                 match (effect.kind, effect.target.as_deref()) {
                     (EffectKind::ToolLength, _) => kinematics.wrist_offset += first,
                     (_, Some("12")) => kinematics.link_angle_12 += first,

@@ -263,6 +263,23 @@ fn a_bench_writes_motor_and_joint() {
     assert!((0.00095..0.0013).contains(&gap), "{gap}");
     assert!(motor.effort.as_ref().unwrap()[0].iter().any(|force| force.abs() > 20.0));
     assert!(Session::new(&robot, Options::default()).unwrap().run(Motion::Fls(0), 1.0, || {}).is_err());
+    for nowhere in ["payload=0.3", "time-offset=0.05", "camera-rotation=0.02,0,0", "tool-length=0.002", "link-angle:12=0.02"] {
+        let refused = Session::new(&robot, options(&[nowhere])).unwrap_err().to_string();
+        assert!(refused.contains(nowhere) && refused.contains("on one of its joints (carriage)"), "{refused}");
+    }
+}
+
+/// A fine encoder behind a gear turns farther than a message's 32 bits count.
+#[test]
+fn counts_wrap_as_a_counter_does() {
+    let mut robot = nominal::gold();
+    robot.encoder.as_mut().unwrap().counts_per_revolution = 1e9;
+    let (_, log) = recorded(&robot, options(&[]), Motion::Sinusoid, 3.0);
+    let (counts, motor) = (log.encoder_counts.as_ref().unwrap(), log.require_motor().unwrap());
+    let per_rad = 1e9 / std::f64::consts::TAU;
+    let turned: f64 = counts[0].windows(2).map(|pair| f64::from(pair[1].wrapping_sub(pair[0]))).sum();
+    let expected = -(motor.position[0].last().unwrap() - motor.position[0][0]) * per_rad;
+    assert_relative_eq!(turned, expected, max_relative = 1e-4);
 }
 
 #[test]
