@@ -52,9 +52,9 @@ impl Fitter<'_> {
             return Some(outcome.best.clone());
         }
         let fitted = outcome.fitted.values().map(|(hypothesis, _)| hypothesis);
-        let better = fitted.filter(|h| !h.effects.is_empty() && h.evidence > outcome.none.evidence);
-        let beyond = better.filter(|h| self.lost_in_scatter(outcome, h).is_none());
-        beyond.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).cloned()
+        let mut better: Vec<&Hypothesis> = fitted.filter(|h| !h.effects.is_empty() && h.evidence > outcome.none.evidence).collect();
+        better.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        better.into_iter().find(|h| self.lost_in_scatter(outcome, h).is_none()).cloned()
     }
 
     /// Effects and numbers of the `best` hypothesis and of those with effects that are hardly behind it, or would not be if they had not been

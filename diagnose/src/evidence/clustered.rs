@@ -13,12 +13,12 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::data::STRIDE_S;
 use super::fit::{Fitter, Hypothesis, gram};
 use super::linear::dot;
 
-/// Rows of a block: two seconds of tips at fifteen a second and of torque samples at fifty, three components each.
-const TIP_BLOCK: usize = 3 * 30;
-const TORQUE_BLOCK: usize = 3 * 100;
+/// Length of a block [s].
+pub const BLOCK_S: f64 = 2.0;
 /// Part of the noise along a direction that a fit may take out of blocks, above which they say nothing of it.
 const TAKEN_OUT_MAX: f64 = 0.75;
 
@@ -57,7 +57,8 @@ impl Fitter<'_> {
         let (rows, tip_rows) = (residuals.len(), self.rows.tip_rows());
         let says = |block: &Range<usize>| residuals[block.clone()].iter().any(|r| *r != 0.0);
         let blocks = |from: usize, to: usize, length: usize| (from..to).step_by(length).map(move |start| start..(start + length).min(to));
-        blocks(0, tip_rows, TIP_BLOCK).chain(blocks(tip_rows, rows, TORQUE_BLOCK)).filter(says).collect()
+        let torque_block = 3 * (BLOCK_S / STRIDE_S).round() as usize;
+        blocks(0, tip_rows, self.rows.tip_block()).chain(blocks(tip_rows, rows, torque_block)).filter(says).collect()
     }
 
     /// Deviations of the free coordinates of a hypothesis, what it leaves taken for noise: a model that is not quite right errs alike in every

@@ -106,11 +106,6 @@ impl Coordinates {
         self.of(effect).filter(|&c| self.parameter(c).scale.is_size() && !self.all[c].is_unknown())
     }
 
-    /// Coordinates that the nominal model has, off by their tolerance in any case.
-    pub fn nominal(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.all.len()).filter(|&c| self.all[c].spike.is_some())
-    }
-
     /// The model's settings at a point; effects that do not change anything are left out.
     #[must_use]
     pub fn settings(&self, u: &[f64]) -> Vec<Setting> {

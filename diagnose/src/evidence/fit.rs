@@ -214,7 +214,10 @@ impl Fitter<'_> {
                 }
             }
         }
-        for at_miscount in self.at_miscounts(&free, &u) {
+        for &c in &free {
+            let Some(nearest) = self.nearest_miscount(c, u[c]) else { continue };
+            let mut at_miscount = u.clone();
+            at_miscount[c] = nearest;
             let there = self.exact(&at_miscount)?;
             // What was believed of the moment beforehand does not matter.
             if dot(&there, &there) <= dot(&residuals, &residuals) {
@@ -228,17 +231,14 @@ impl Fitter<'_> {
         Ok(Some(hypothesis))
     }
 
-    /// `u` with each moment among the free coordinates where readings alone show a miscount next to it: slopes know of it by what tips see before and
+    /// The moment next to that of a coordinate, if it is one, at which readings alone show a miscount: slopes know of it by what tips see before and
     /// after.
-    fn at_miscounts(&self, free: &[usize], u: &[f64]) -> Vec<Vec<f64>> {
-        let moved = |&c: &usize| {
-            let seen = self.rows.miscounts(self.coordinates.sited[self.coordinates.all[c].effect].joint_measured());
-            let nearest = seen.iter().copied().min_by(|a, b| (a - u[c]).abs().total_cmp(&(b - u[c]).abs()))?;
-            let mut moved = u.to_vec();
-            moved[c] = nearest;
-            Some(moved)
-        };
-        free.iter().filter(|&&c| matches!(self.scale(c), Scale::Moment)).filter_map(moved).collect()
+    fn nearest_miscount(&self, c: usize, u: f64) -> Option<f64> {
+        if !matches!(self.scale(c), Scale::Moment) {
+            return None;
+        }
+        let seen = self.rows.miscounts(self.coordinates.sited[self.coordinates.all[c].effect].joint_measured());
+        seen.iter().copied().min_by(|a, b| (a - u).abs().total_cmp(&(b - u).abs()))
     }
 
     /// A step of a coordinate: not through zero where the number cannot be negative, not out of the recording, not too far at once.

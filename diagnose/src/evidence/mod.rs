@@ -26,4 +26,4 @@ pub mod told;
 mod weighing;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

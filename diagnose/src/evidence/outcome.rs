@@ -1,6 +1,6 @@
 //! Everything that a search looked at, and where it ended.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::fit::Hypothesis;
 use super::leftover::Leftover;
@@ -28,6 +28,8 @@ pub struct Outcome {
     /// Effects of the best hypothesis after it was held against its ties and rivals. A second search, where rows have other weights, fits those anew
     /// that came near, and does not look for them again.
     pub(super) compared: Option<Vec<usize>>,
+    /// Effects that were lost in scatter, and left out: not to be added again.
+    pub(super) shed: BTreeSet<Vec<usize>>,
     /// Effects at their places in the library.
     pub(super) effects: usize,
 }
@@ -45,6 +47,7 @@ impl Outcome {
             screens: BTreeMap::new(),
             starts: BTreeMap::new(),
             compared: None,
+            shed: BTreeSet::new(),
             effects,
         };
         outcome.keep(&none);
@@ -68,7 +71,7 @@ impl Outcome {
     }
 
     /// Every hypothesis looked at, with its evidence [nat].
-    pub(super) fn known(&self) -> impl Iterator<Item = (&Vec<usize>, f64)> {
+    pub fn known(&self) -> impl Iterator<Item = (&Vec<usize>, f64)> {
         let screened = self.screened.iter().filter(|(effects, _)| !self.fitted.contains_key(*effects));
         self.fitted
             .iter()

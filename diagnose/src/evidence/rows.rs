@@ -3,10 +3,12 @@
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Channel, Measure, Model, Need, Shaft, Sited, TipModel, TorqueModel};
+use raven::effects::{Channel, Measure, Model, Need, Scale, Shaft, Sited, TipModel, TorqueModel};
 use raven::robot::stiction::stirred_s;
 use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
+use raven::stats::median;
 
+use super::clustered::BLOCK_S;
 use super::data::{Data, STRIDE_S, WINDOW_S, miscounts};
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
@@ -81,6 +83,9 @@ pub trait Observed: Sync {
 
     /// Rows of torques, three per sample.
     fn torque_rows(&self) -> usize;
+
+    /// Rows of tips in a block of two seconds.
+    fn tip_block(&self) -> usize;
 
     /// What an effect's sizes are measured in.
     fn measure(&self, sited: &Sited) -> Measure {
@@ -204,10 +209,18 @@ impl Observed for Rows<'_> {
         3 * self.data.iter().map(|data| data.shafts.len()).sum::<usize>()
     }
 
+    fn tip_block(&self) -> usize {
+        let steps = self.data.iter().flat_map(|data| data.sights.windows(2)).map(|pair| pair[1].stamp_s - pair[0].stamp_s);
+        let step_s = median(&steps.collect::<Vec<_>>()).unwrap_or(BLOCK_S);
+        3 * (BLOCK_S / step_s).round().clamp(1.0, 1e6) as usize
+    }
+
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
         let knows_lenses = self.cameras.is_some_and(|cameras| cameras.base_from_left.is_some());
         let lacks_them = self.tip_rows() > 0 && sited.effect.needs.contains(&Need::Lenses) && !knows_lenses;
-        lacks_them.then_some("the cameras are not known; give --cameras")
+        let happens = self.data.len() > 1 && sited.effect.parameters.iter().any(|parameter| parameter.scale == Scale::Moment);
+        let of_one = || happens.then_some("it happens in one recording and not in the others; give each alone");
+        lacks_them.then_some("the cameras are not known; give --cameras").or_else(of_one)
     }
 
     fn miscounts(&self, joint: usize) -> &[f64] {
@@ -337,7 +350,7 @@ fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: &Loose) -> 
 
 #[cfg(test)]
 mod tests {
-    use raven::effects::Command;
+    use raven::effects::{Command, Sight};
     use raven::robot::nominal;
 
     use super::*;
@@ -367,6 +380,27 @@ mod tests {
         };
         assert!(with(10.0).iter().all(|r| r.is_finite()));
         assert!(with(100.0).iter().all(|r| r.is_infinite()));
+    }
+
+    #[test]
+    fn a_miscount_is_not_looked_for_in_several_recordings_and_blocks_last_two_seconds() {
+        let robot = nominal::gold();
+        let angle = robot.arm().unwrap().transmission.motor_from_joint(&Vector3::new(0.8, 1.6, 0.35));
+        let sight = |k: i32| Sight {
+            stamp_s: f64::from(k) / 30.0,
+            position_m: Vector3::zeros(),
+            covariance_m2: nalgebra::Matrix3::identity(),
+            rows: [0.0; 2],
+        };
+        let motors = MotorTrack { time_s: (0..500).map(|k| 1e-2 * f64::from(k)).collect(), angle: vec![angle; 500] };
+        let data = || Data { motors: motors.clone(), sights: (0..150).map(sight).collect(), shafts: Vec::new() };
+        let miscount = Sited::all(&robot).into_iter().find(|sited| sited.effect.id == "missed-counts").unwrap();
+        for (data, because) in [(vec![data()], None), (vec![data(), data()], Some("give each alone"))] {
+            let rows = Rows::new(&robot, None, &data).unwrap();
+            assert_eq!(rows.tip_block(), 3 * 60);
+            let said = rows.cannot_show(&miscount);
+            assert!(said.is_some() == because.is_some() && said.unwrap_or_default().contains(because.unwrap_or_default()), "{said:?}");
+        }
     }
 
     #[test]

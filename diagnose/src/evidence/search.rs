@@ -102,7 +102,8 @@ impl Fitter<'_> {
             }
             // Numbers of the nominal model that made up for a large effect are a bad place to look from.
             let point = if round == 1 { nominal.clone() } else { outcome.best.clone() };
-            let candidates = self.screen(&point, outcome.best.evidence)?;
+            let mut candidates = self.screen(&point, outcome.best.evidence)?;
+            candidates.retain(|candidate| !outcome.shed.contains(&candidate.effects));
             if round > 1 {
                 outcome.screens.insert(point.effects.clone(), candidates.clone());
             }
@@ -150,6 +151,7 @@ impl Fitter<'_> {
             let best = outcome.best.clone();
             let Some(rest) = self.fit(&best.all_but(lost), &self.without(lost, &best.u), Some(&best))? else { break };
             outcome.keep(&rest);
+            outcome.shed.insert(best.effects);
             outcome.best = outcome.fitted.get(&rest.effects).map_or(rest, |(known, _)| known.clone());
         }
         if outcome.best.effects.len() < added && !explains_little { self.add_effects(outcome, nominal, each) } else { Ok(()) }

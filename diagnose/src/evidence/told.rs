@@ -14,8 +14,8 @@ impl Fitter<'_> {
         let Some(mut point) = self.at_nominal()? else { return Ok(None) };
         let Some(none) = self.fit(&[], &point.u, None)? else { return Ok(None) };
         for &effect in effects {
-            let Some(candidate) = self.screen_some(&point, point.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
             let poorer = if point.effects.is_empty() { &none } else { &point };
+            let Some(candidate) = self.screen_some(&point, poorer.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
             let Some(hypothesis) = self.fitted_at_least(&candidate, &point, poorer)? else { return Ok(None) };
             point = hypothesis;
         }

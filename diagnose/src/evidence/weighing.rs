@@ -5,6 +5,8 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
+
 use super::fit::{Fitter, Hypothesis};
 use super::outcome::Outcome;
 use super::paired;
@@ -61,14 +63,15 @@ impl Fitter<'_> {
     pub(super) fn temper(&self, outcome: &mut Outcome) {
         outcome.leftover = self.leftover(&outcome.best);
         let before = outcome.fitted.values().map(|(h, _)| h.evidence).fold(f64::NEG_INFINITY, f64::max);
-        outcome.fitted.values_mut().for_each(|(h, evidence)| *evidence = self.tempered(h, &outcome.leftover));
+        let leftover = outcome.leftover;
+        outcome.fitted.par_iter_mut().for_each(|(_, (h, evidence))| *evidence = self.tempered(h, &leftover));
         let after = outcome.fitted.values().map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
         let shrink = outcome.leftover.most().recip();
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
         let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || self.lost_in_scatter(outcome, h).is_some();
         let gone: BTreeMap<Vec<usize>, f64> =
-            outcome.fitted.values().filter(|(h, _)| spurious(h)).map(|(h, evidence)| (h.effects.clone(), *evidence)).collect();
+            outcome.fitted.par_iter().filter(|(_, (h, _))| spurious(h)).map(|(effects, (_, z))| (effects.clone(), *z)).collect();
         outcome.fitted.retain(|effects, _| !gone.contains_key(effects));
         // What the screen promised of more effects than these rests on them.
         outcome.screened.retain(|effects, _| !gone.keys().any(|gone| gone.iter().all(|effect| effects.contains(effect))));

@@ -11,9 +11,11 @@ use raven::log::Recording;
 use raven::robot::{Joint, Robot};
 use raven::{Error, Result};
 
+use super::clustered::BLOCK_S;
 use super::data::{STRIDE_S, WINDOW_S};
 use super::rows::{CREEP_RAD_S, Links, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping};
 pub use recorded::Recorded;
+pub(crate) use recorded::encoder_noise;
 pub use signs::Signs;
 
 /// Part of a joint's dry friction that is not known near rest: these joints are not rolled out.
@@ -175,6 +177,10 @@ impl Observed for Bench<'_> {
 
     fn torque_rows(&self) -> usize {
         if self.has_torque() { 3 * self.count() } else { 0 }
+    }
+
+    fn tip_block(&self) -> usize {
+        3 * (BLOCK_S / STRIDE_S).round() as usize
     }
 
     fn measure(&self, sited: &Sited) -> Measure {

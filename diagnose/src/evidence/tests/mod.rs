@@ -12,8 +12,8 @@ mod lost;
 mod ties;
 
 /// Tips that see some effects at their places, and nothing else that could be off.
-struct Seen<R> {
-    robot: Robot,
+pub(crate) struct Seen<R> {
+    pub(crate) robot: Robot,
     effects: Vec<(&'static str, [usize; 2])>,
     /// Of the effects' numbers in units of their slabs, `None` of one that is not there, and how links are taken.
     residuals: R,
@@ -41,12 +41,12 @@ fn moved_by(moves: fn(&[f64]) -> f64, moved: f64, sticks_below: f64) -> impl Fn(
 }
 
 /// Tips that are off as a row of sines says by its number; by one of them they are off by [`SEEN`] in the mean.
-fn tips(row: impl Fn(f64) -> f64) -> Vec<f64> {
+pub(crate) fn tips(row: impl Fn(f64) -> f64) -> Vec<f64> {
     (0..ROWS).map(|k| SEEN * std::f64::consts::SQRT_2 * row(k as f64)).collect()
 }
 
 impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Seen<R> {
-    fn new(effects: &[(&'static str, [usize; 2])], residuals: R) -> Self {
+    pub(crate) fn new(effects: &[(&'static str, [usize; 2])], residuals: R) -> Self {
         Self { robot: nominal::gold(), effects: effects.to_vec(), residuals }
     }
 
@@ -92,6 +92,10 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Observed for Seen<R> {
 
     fn torque_rows(&self) -> usize {
         0
+    }
+
+    fn tip_block(&self) -> usize {
+        90
     }
 
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
@@ -248,7 +252,8 @@ fn a_damper_that_settled_links_have_the_wrong_way_round_is_found() {
         let fitted = fitter.fit(&[0], &nominal.u, like).unwrap().unwrap();
         approx::assert_relative_eq!(fitted.u[0], -1.1, epsilon = 0.01);
     }
-    let hopeful = fitter.screen(&nominal, nominal.evidence).unwrap().remove(0);
+    let none = fitter.fit(&[], &nominal.u, None).unwrap().unwrap();
+    let hopeful = fitter.screen(&nominal, none.evidence).unwrap().remove(0);
     assert!(hopeful.start[0] < -1.0, "{:?}", hopeful.start);
 }
 
@@ -284,4 +289,38 @@ fn a_large_effect_is_found_of_which_slopes_say_less_than_of_others() {
         tips(row)
     });
     assert_eq!(rows.named(), ["payload", "rolling-shutter"]);
+}
+
+#[test]
+fn what_is_told_is_looked_for_from_every_start() {
+    // A cable that is straight but for a stiffening of one and a half slabs, and elsewhere nothing leads there.
+    let rows = Seen::new(&[("cable-stiffening", [1, 0])], |numbers: &[Option<&[f64]>], _| {
+        let found = numbers[0].map_or(0.0, |u| (-((u[0] - 1.4) / 0.2).powi(2)).exp());
+        tips(|k| k.sin() * (1.0 - found))
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let (told, gain) = Fitter::new(&rows, &coordinates).told(&[0]).unwrap().unwrap();
+    approx::assert_relative_eq!(told.u[0], 1.4, epsilon = 0.05);
+    assert!(gain > 100.0, "{gain}");
+}
+
+#[test]
+fn what_was_lost_in_scatter_is_not_added_again() {
+    // Beside a payload a joint rubs under load, at times with its motion.
+    const WAYS: [f64; 4] = [1.0, -1.0, 1.0, 1.0];
+    let rows = Seen::new(&[("payload", [0, 0]), ("load-dependent-friction", [1, 0])], |numbers: &[Option<&[f64]>], _| {
+        let [loaded, rubs] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let row = |k: usize| 3.0 * (2.0 * k as f64).sin() * (1.0 - loaded) + (k as f64).cos() * (1.2 * WAYS[(k / 90).min(3)] - 2.0 * rubs);
+        (0..ROWS).map(row).collect()
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let [payload, rubs] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    fitter.add_and_shed(&mut outcome, &nominal, || {}).unwrap();
+    let mut both = vec![payload, rubs];
+    both.sort_unstable();
+    assert!(outcome.fitted[&both].0.evidence > outcome.fitted[&vec![payload]].0.evidence + 6.0);
+    assert!(outcome.shed.contains(&both));
+    assert_eq!(outcome.best.effects, [payload]);
 }
