@@ -6,7 +6,7 @@ use raven::observation::three_joints;
 use raven::robot::{Arm, KinematicsKind, LinkModel, Robot};
 use raven::{Error, Result};
 
-use crate::evidence::bench::{Signs, by_joint};
+use crate::evidence::bench::{Signs, by_joint, encoder_noise};
 
 /// Residuals of one channel over time.
 #[derive(Debug, Clone, Default)]
@@ -39,7 +39,7 @@ pub struct Channels {
 /// Residuals of each of `recordings` against `robot`.
 ///
 /// # Errors
-/// If a log lacks motor angles, or neither a tip nor joint encoders nor the controller's angles can be compared with them.
+/// If a log lacks motor angles, or neither tip, joint encoders of a bench, torque nor the controller's angles can be compared with them.
 pub fn channels(recordings: &[Recording], robot: &Robot) -> Result<Vec<Channels>> {
     let mut all: Vec<Channels> = if matches!(robot.kinematics, KinematicsKind::Bench) {
         let signs = Signs::of(robot, recordings)?;
@@ -59,11 +59,11 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
     let mut channels =
         Channels { controller_difference: controller_difference(recording, &robot.before_calibration().arm()?)?, ..Channels::default() };
     if recording.tip.is_empty() {
-        if channels.controller_difference.is_some() {
+        if channels.controller_difference.is_some() || recording.require_motor()?.effort.is_some() {
             return Ok(channels);
         }
         let message =
-            "has motor angles but neither /tip, /joint_encoders nor the controller's joint angles: there is nothing to compare them with.";
+            "has motor angles but neither /tip, motor torque nor the controller's joint angles: there is nothing to compare them with.";
         return Err(Error::file(&recording.path, message));
     }
     let tips = recording.tips(robot)?;
@@ -103,15 +103,15 @@ fn bench_channels(recording: &Recording, robot: &Robot, signs: &[Signs]) -> Resu
     };
     for (j, (joint, signs)) in robot.joints.iter().zip(signs).enumerate() {
         let angles = by_joint(&motor.position, recording, "motor", joint, j)?;
-        by_joint(&encoders.position, recording, "joint", joint, j)?;
+        let measured = by_joint(&encoders.position, recording, "joint", joint, j)?;
         let modelled: Vec<f64> = angles.iter().map(|angle| transmission.joint_alone(j, *angle)).collect();
         let mut residuals = Residuals::default();
+        let noise = encoder_noise(measured.iter().copied());
         for k in 1..modelled.len().saturating_sub(1) {
             let time_s = motor.time_s[k];
             let rate = (modelled[k + 1] - modelled[k - 1]) / (motor.time_s[k + 1] - motor.time_s[k - 1]);
             if let Some(measured) = encoders.interpolate(j, time_s) {
-                // Nothing in such a log says how noisy its encoder is.
-                residuals.push(time_s, [signs.joint * measured - modelled[k]; 2], 0.0, rate);
+                residuals.push(time_s, [signs.joint * measured - modelled[k]; 2], noise, rate);
             }
         }
         channels.joints.push(residuals);

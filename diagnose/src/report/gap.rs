@@ -57,14 +57,14 @@ fn sentence(gaps: &[Gap], to: &str) -> String {
     let times = |gap: &&Gap| gap.model / gap.noise_floor.max(f64::MIN_POSITIVE);
     match gaps.iter().max_by(|a, b| times(a).total_cmp(&times(b))) {
         None => "These recordings do not show the gap at the joints.".to_owned(),
-        Some(gap) => format!(
-            "The largest gap to the {to} is at the {}: {} {} rms, where the noise alone would leave {} {}.",
-            gap.channel,
-            figure(gap.model),
-            gap.unit,
-            figure(gap.noise_floor),
-            gap.unit
-        ),
+        Some(Gap { channel, unit, noise_floor, model, .. }) => {
+            let noise = if *noise_floor > 0.0 {
+                format!(", where the noise alone would leave {} {unit}", figure(*noise_floor))
+            } else {
+                String::new()
+            };
+            format!("The largest gap to the {to} is at the {channel}: {} {unit} rms{noise}.", figure(*model))
+        }
     }
 }
 

@@ -56,7 +56,8 @@ impl Recorded {
             shown.push(joint.map_or_else(|| Vector3::repeat(f64::NAN), |joint| joint.angle));
         }
         let joint_noise = Vector3::from_fn(|j, _| {
-            joints.as_ref().filter(|_| j < robot.joints.len()).map_or(0.0, |(track, _)| noise(track.angle.iter().map(|q| q[j])))
+            let track = joints.as_ref().map(|(track, _)| track).filter(|_| j < robot.joints.len());
+            track.map_or(0.0, |track| encoder_noise(track.angle.iter().map(|q| q[j])))
         });
         Ok(Self { motors, driven, joints: shown, joint_noise, has })
     }
@@ -86,8 +87,8 @@ fn side(
     Ok((MotorTrack { time_s: series.time_s.clone(), angle }, effort))
 }
 
-/// What an encoder is good for: its step, and its coupling.
-fn noise(positions: impl Iterator<Item = f64>) -> f64 {
+/// What an encoder with these readings is good for [their unit]: its step, and its coupling.
+pub(crate) fn encoder_noise(positions: impl Iterator<Item = f64>) -> f64 {
     let (mut low, mut high, mut step, mut last) = (f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NAN);
     for q in positions {
         (low, high) = (low.min(q), high.max(q));

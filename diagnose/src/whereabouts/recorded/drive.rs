@@ -7,7 +7,7 @@ use raven::log::Recording;
 use raven::robot::Robot;
 
 use super::motion::{Drives, missed};
-use super::torque::noise_of_torque;
+use super::torque::{far_apart, noise_of_torque};
 use super::{Channel, HORIZONS_S, Kind, Track, bench_factors};
 use crate::evidence::bench::Bench;
 use crate::evidence::rows::CREEP_RAD_S;
@@ -105,15 +105,17 @@ pub(super) fn bench_drives(robot: &Robot, recordings: &[Recording], torques: &mu
     let errors = bench.errors(&[], &[raven::effects::Channel::Torque])?;
     for (r, (recorded, (errors, _))) in bench.recordings().iter().zip(errors).enumerate().filter(|(_, (recorded, _))| recorded.has[0]) {
         let shafts: Vec<Shaft> = recorded.driven.iter().map(|driven| driven.shaft).collect();
+        let apart = far_apart(shafts.iter().map(|shaft| shaft.time_s));
         for (j, channel) in torques.iter_mut().enumerate() {
-            let lacking: Vec<f64> = errors.iter().map(|[_, torque, _]| torque[j]).collect();
-            let commanded: Vec<f64> = shafts.iter().map(|shaft| shaft.commanded.mean()[j]).collect();
-            let counted: Vec<usize> = (0..shafts.len()).filter(|&k| bench.weights(r)[k][1][j] > 0.0).collect();
+            let lacking: Vec<f64> = apart.iter().map(|&k| errors[k][1][j]).collect();
+            let commanded: Vec<f64> = apart.iter().map(|&k| shafts[k].commanded.mean()[j]).collect();
+            let noise = noise_of_torque(&lacking, &commanded);
+            let counted: Vec<usize> = apart.iter().copied().filter(|&k| bench.weights(r)[k][1][j] > 0.0).collect();
             let kept: Vec<Shaft> = counted.iter().map(|&k| shafts[k]).collect();
             channel.tracks.push(Track {
                 time_s: kept.iter().map(|shaft| shaft.time_s).collect(),
-                error: counted.iter().map(|&k| lacking[k]).collect(),
-                noise: vec![noise_of_torque(&lacking, &commanded); kept.len()],
+                error: counted.iter().map(|&k| errors[k][1][j]).collect(),
+                noise: vec![noise; kept.len()],
                 factors: factors(j, &kept),
             });
         }

@@ -20,12 +20,8 @@ const MEDIAN_MAGNITUDE: f64 = 0.674_49;
 
 /// Torque delivered less torque needed where the direction of friction is beyond doubt; with each sample the cables' tension differences [N].
 pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueModel, shafts: &[(Shaft, Vector3<f64>)]) -> Track {
-    let mut apart: Vec<&(Shaft, Vector3<f64>)> = Vec::new();
-    for shaft in shafts {
-        if apart.last().is_none_or(|(last, _)| shaft.0.time_s - last.time_s >= 0.999 * TORQUE_STRIDE_S) {
-            apart.push(shaft);
-        }
-    }
+    let apart: Vec<&(Shaft, Vector3<f64>)> =
+        far_apart(shafts.iter().map(|(shaft, _)| shaft.time_s)).into_iter().map(|k| &shafts[k]).collect();
     let all_time_s: Vec<f64> = apart.iter().map(|(s, _)| s.time_s).collect();
     let rates: Vec<f64> = apart.iter().map(|(s, _)| arm.transmission.joint_rate_from_motor(&s.rate)[j]).collect();
     let residual: Vec<f64> = apart.iter().map(|(s, tension)| (model.delivered(&s.commanded) - model.needed(s, tension))[j]).collect();
@@ -44,7 +40,20 @@ pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueMod
     }
 }
 
-/// What noise and the model's own errors leave of a torque.
+/// Which of samples at these times share no motor sample.
+pub(super) fn far_apart(times_s: impl Iterator<Item = f64>) -> Vec<usize> {
+    let mut last_s = f64::NEG_INFINITY;
+    let mut is_apart = |time_s: f64| {
+        let apart = time_s - last_s >= 0.999 * TORQUE_STRIDE_S;
+        if apart {
+            last_s = time_s;
+        }
+        apart
+    };
+    times_s.enumerate().filter(|(_, time_s)| is_apart(*time_s)).map(|(k, _)| k).collect()
+}
+
+/// What noise and the model's own errors leave of a torque whose samples are far apart.
 pub(super) fn noise_of_torque(residual: &[f64], commanded: &[f64]) -> f64 {
     white_noise(residual).hypot(TORQUE_MODEL * rms(commanded).unwrap_or(0.0))
 }
