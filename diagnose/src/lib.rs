@@ -175,6 +175,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     if let Some(html) = &args.html {
         let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
+        page.remarks.extend(report.no_diagnosis.clone());
         if let Some(attribution) = &report.attribution {
             report::add_causes(&mut page, attribution);
         }

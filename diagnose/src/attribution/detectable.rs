@@ -21,6 +21,7 @@ use std::collections::BTreeMap;
 use nalgebra::DMatrix;
 use raven::Result;
 use raven::effects::{Channel, Scale, Sited};
+use raven::plot::svg::figure;
 use raven::stats::normal_cdf;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -45,6 +46,23 @@ pub struct Detectable {
     pub size: Option<f64>,
     /// Unit of `size`.
     pub unit: String,
+    /// How the number goes with the effect.
+    #[serde(skip)]
+    scale: Scale,
+}
+
+impl Detectable {
+    /// The size in words, `0.62 %`, `factor 1.8` or `up to 12 N m`; `None` where none would have shown.
+    #[must_use]
+    pub fn words(&self) -> Option<String> {
+        let size = self.size?;
+        Some(match self.scale {
+            Scale::Factor(_) | Scale::FactorUpTo { .. } => format!("factor {}", figure(size)),
+            Scale::Shape { .. } => format!("up to {} {}", figure(size), self.unit),
+            _ if self.unit == "1" => format!("{} %", figure(100.0 * size)),
+            _ => format!("{} {}", figure(size), self.unit),
+        })
+    }
 }
 
 /// Evidence beyond the prior odds at which an effect will be named in spite of its scatter [nat].
@@ -79,6 +97,7 @@ impl Smallest {
             joint: sited.joint(fitter.rows.robot()),
             size: self.u.is_finite().then(|| parameter.value(self.u, sited.measure)),
             unit: parameter.unit_at(sited.measure).to_owned(),
+            scale: parameter.scale,
         }
     }
 }
@@ -151,7 +170,9 @@ impl<'a> Without<'a> {
     /// Of what an effect changes with each value of a coordinate, projected off the other numbers: `D` above.
     fn information(&self, effect: usize, coordinate: usize, values: &[f64]) -> Result<Option<DMatrix<f64>>> {
         let coordinates = self.fitter.coordinates;
-        let kept: Vec<usize> = (0..self.none.free.len()).filter(|&k| coordinates.all[self.none.free[k]].effect != effect).collect();
+        // What is as free without the effect says nothing of it either.
+        let is_aside = |c: usize| coordinates.all[c].effect != effect || coordinates.all[c].is_unknown();
+        let kept: Vec<usize> = (0..self.none.free.len()).filter(|&k| is_aside(self.none.free[k])).collect();
         let changes: Result<Vec<Vec<f64>>> = values.iter().map(|&value| self.change(effect, coordinate, value)).collect();
         let changes = changes?;
         let changes: Vec<&[f64]> = changes.iter().map(Vec::as_slice).collect();
@@ -161,12 +182,12 @@ impl<'a> Without<'a> {
         Ok(Some(gram(&changes) - cross.tr_mul(&factor.solve(&cross))))
     }
 
-    /// What an effect changes in the channels that it shows in.
+    /// What so much more of an effect changes in the channels that it shows in.
     fn change(&self, effect: usize, coordinate: usize, value: f64) -> Result<Vec<f64>> {
         let Fitter { rows, coordinates, .. } = self.fitter;
         let mut u = self.none.u.clone();
-        coordinates.of(effect).for_each(|c| u[c] = if matches!(coordinates.parameter(c).scale, Scale::Moment) { 0.5 } else { 0.0 });
-        u[coordinate] = value;
+        coordinates.of(effect).filter(|&c| matches!(coordinates.parameter(c).scale, Scale::Moment)).for_each(|c| u[c] = 0.5);
+        u[coordinate] = if u[coordinate] == ABSENT { value } else { u[coordinate] + value };
         let (links, here) =
             if self.fitter.shows_in_swings(effect) { (Links::RolledOut, &self.none.residuals) } else { (Links::Settled, &self.settled) };
         let channels = self.fitter.channels_of(effect, links);
@@ -222,9 +243,12 @@ fn raised_if_normal(u: f64, information: f64, spike: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evidence::coordinates::Coordinates;
+    use crate::evidence::tests::{Seen, tips};
     use approx::assert_relative_eq;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
+    use raven::effects::Size;
 
     #[test]
     fn evidence_rises_as_it_does_in_samples() {
@@ -275,6 +299,31 @@ mod tests {
         assert_relative_eq!(mildest_shown(&tried, &[9.0, 8.0, 7.0], 4.0), 1.0);
         let none = mildest_shown(&tried, &[3.0, 1.0, 0.0], 4.0);
         assert_relative_eq!(1.0 - normal_cdf(none), 1.0);
+    }
+
+    #[test]
+    fn what_an_effect_would_show_does_not_go_by_how_far_its_number_is_strained() {
+        let rows = Seen::new(&[("joint-offset", [0, 0])], |numbers: &[Option<&[f64]>], _| {
+            tips(|k| k.sin() * (0.9 - numbers[0].map_or(0.0, |u| u[0])))
+        });
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let none = fitter.fit(&[], &fitter.nowhere(), None).unwrap().unwrap();
+        let information = |u: f64| {
+            let none = Hypothesis { u: vec![u], ..none.clone() };
+            Without::new(&fitter, &none).unwrap().information(0, 0, &[1.0]).unwrap().unwrap()[(0, 0)]
+        };
+        assert_relative_eq!(information(0.8), information(0.0), max_relative = 1e-9);
+    }
+
+    #[test]
+    fn sizes_are_said_as_what_they_are() {
+        let said =
+            |scale: Scale, unit: &str| Detectable { id: "x", joint: None, size: Some(1.8), unit: unit.to_owned(), scale }.words().unwrap();
+        assert_eq!(said(Scale::Factor(1.0), "1"), "factor 1.80");
+        assert_eq!(said(Scale::Offset(Size::of(1.0)), "1"), "180 %");
+        assert_eq!(said(Scale::Offset(Size::of(1.0)), "m"), "1.80 m");
+        assert_eq!(said(Scale::Shape { middle: 1.0, size: 1.0 }, "N m"), "up to 1.80 N m");
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub use fitness::check_fitness;
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{at, number, off, sentence, words};
+pub use words::{at, number, off, sentence, tied, words};
 
 use raven::Result;
 use raven::camera::Cameras;
@@ -318,11 +318,12 @@ fn estimate(fitter: &Fitter, hypothesis: &Hypothesis, c: usize, std: f64) -> Est
 }
 
 fn candidates(fitter: &Fitter, outcome: &Outcome, probabilities: &[(Vec<usize>, f64)], with: &dyn Fn(usize) -> f64) -> Vec<Candidate> {
-    let evidence = |set: &[usize]| outcome.fitted.get(set).map(|(_, z)| *z).or_else(|| outcome.screened.get(set).copied());
-    let none = evidence(&[]).unwrap_or(0.0);
+    // What was fitted and is not worth naming was looked at as well.
+    let spurious = || outcome.spurious.iter().map(|(effects, evidence)| (effects, *evidence));
+    let none = outcome.fitted.get([].as_slice()).map_or(0.0, |(_, evidence)| *evidence);
     let best_with = |effect: usize| {
-        let sets = outcome.fitted.keys().chain(outcome.screened.keys()).filter(|set| set.contains(&effect));
-        sets.filter_map(|set| evidence(set)).fold(f64::NEG_INFINITY, f64::max)
+        let with = outcome.known().chain(spurious()).filter(|(set, _)| set.contains(&effect));
+        with.map(|(_, evidence)| evidence).fold(f64::NEG_INFINITY, f64::max)
     };
     let of_effect = |(effect, sited): (usize, &Sited)| {
         let evidence_nats = best_with(effect) - none;

@@ -1,10 +1,11 @@
 //! An attribution in words, for a terminal and for the page.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::{Attribution, Blamed, Candidate, Closure, Estimate, FileNumber, Word};
+use super::{Attribution, Blamed, Candidate, Closure, Estimate, FileNumber, Tied, Word};
 
-/// Ties, candidates and sizes that a terminal shows.
+/// Candidates that a terminal shows.
 const SHOWN: usize = 5;
 
 /// Probability of a cause outside the library from which on it is spoken of where nothing remains.
@@ -55,12 +56,24 @@ fn may_stand_in(attribution: &Attribution) -> String {
 
 fn leads(candidate: &Candidate) -> String {
     let what = at(candidate.id, candidate.joint.as_deref());
-    format!(" {what} would explain them a little better and has probability {:.2}: too little to blame it.", candidate.probability)
+    format!(" Of all effects {what} comes nearest, with probability {:.2}: too little to blame it.", candidate.probability)
 }
 
-/// `pulley-radius at the shoulder (relative_error -0.0518 +- 0.0004)`.
+/// `pulley-radius at the shoulder (relative_error -0.0518 +- 0.0004; probability 0.99)`.
 fn cause(blamed: &Blamed) -> String {
-    format!("{} ({})", at(blamed.id, blamed.joint.as_deref()), blamed.numbers().join(", "))
+    let what = at(blamed.id, blamed.joint.as_deref());
+    format!("{what} ({}; probability {:.2})", blamed.numbers().join(", "), blamed.probability)
+}
+
+/// What is tied with a cause: `joint-offset at the insertion cannot be told from it`.
+#[must_use]
+pub fn tied(tie: &Tied) -> String {
+    let does = match tie.gap_nats {
+        _ if tie.exact => "cannot be told from it".to_owned(),
+        gap if gap > 0.0 => format!("does nearly as well ({gap:.1} nats less)"),
+        _ => "does as well".to_owned(),
+    };
+    format!("{} {does}", at(tie.id, tie.joint.as_deref()))
 }
 
 /// An effect at its place: `pulley-radius at the shoulder`, `link-angle 12`.
@@ -95,12 +108,7 @@ pub fn words(attribution: &Attribution) -> String {
     let mut text = format!("Verdict: {}. {}\n", attribution.verdict.name(), sentence(attribution));
     for blamed in &attribution.effects {
         for tie in &blamed.ties {
-            let does = match tie.gap_nats {
-                _ if tie.exact => "cannot be told from it".to_owned(),
-                gap if gap > 0.0 => format!("does nearly as well ({gap:.1} nats less)"),
-                _ => "does as well".to_owned(),
-            };
-            let _ = writeln!(text, "  {} {does}; to tell them apart: {}.", at(tie.id, tie.joint.as_deref()), tie.separate_by);
+            let _ = writeln!(text, "  {}; to tell them apart: {}.", tied(tie), tie.separate_by);
         }
     }
     let _ = writeln!(text, "\n{:<24} {:<20} {:>11} {:>13}", "candidate", "joint", "probability", "evidence/nats");
@@ -136,8 +144,29 @@ pub fn words(attribution: &Attribution) -> String {
     attribution.file_numbers.iter().for_each(|of| {
         let _ = writeln!(text, "{:>6.1}  {}", of.tolerances, off(of));
     });
+    if attribution.verdict == Word::None {
+        text += &could_have_shown(attribution);
+    }
     attribution.remarks.iter().for_each(|remark| {
         let _ = writeln!(text, "{remark}");
+    });
+    text
+}
+
+/// The smallest size of each effect that would have been named, place by place, and what could not be seen at all.
+fn could_have_shown(attribution: &Attribution) -> String {
+    let mut text = "\nWhat would have shown, from this size on\n".to_owned();
+    let mut of_effects: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for least in &attribution.minimum_detectable {
+        let place = least.joint.as_deref().map_or_else(String::new, |joint| format!("{joint} "));
+        let size = least.words().unwrap_or_else(|| "at no size".to_owned());
+        of_effects.entry(least.id).or_default().push(format!("{place}{size}"));
+    }
+    of_effects.iter().for_each(|(id, sizes)| {
+        let _ = writeln!(text, "{id:<24} {}", sizes.join(", "));
+    });
+    attribution.not_observable.iter().for_each(|of| {
+        let _ = writeln!(text, "{:<24} not at all: {}", of.id, of.because);
     });
     text
 }

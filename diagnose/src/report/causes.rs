@@ -1,10 +1,7 @@
 //! The page with what the recordings say of causes.
 
 use super::{Candidate, Detectable, GapBar, Page, remaining};
-use crate::attribution::{Attribution, FileNumber, Remaining, at, off, sentence};
-
-/// Candidates that the page shows.
-const SHOWN: usize = 12;
+use crate::attribution::{Attribution, FileNumber, Remaining, at, off, sentence, tied};
 
 /// A torque is drawn where the effects close at least this part of its gap: it is there in any case, and mostly tells nothing.
 const TORQUE_CLOSED: f64 = 0.05;
@@ -13,6 +10,7 @@ const TORQUE_CLOSED: f64 = 0.05;
 pub fn add_causes(page: &mut Page, attribution: &Attribution) {
     page.verdict = attribution.verdict.name().to_owned();
     page.verdict_sentence = sentence(attribution);
+    page.remarks.extend(attribution.remarks.iter().cloned());
     page.gaps = attribution.gap.iter().map(bar).collect();
     if !attribution.effects.is_empty() {
         let shown = |remaining: &&Remaining| !remaining.of_drive || closes(attribution, &remaining.channel);
@@ -26,22 +24,18 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
     let shown = |candidate: &crate::attribution::Candidate| Candidate {
         effect: candidate.id.to_owned(),
         joint: candidate.joint.clone(),
-        probability: candidate.probability,
+        // Of one that is named, together with what no recording can tell from it.
+        probability: blamed(candidate).map_or(candidate.probability, |effect| effect.probability),
         evidence_nats: candidate.evidence_nats,
         parameters: blamed(candidate).map_or_else(Vec::new, |effect| effect.numbers()),
         chosen: blamed(candidate).is_some(),
     };
-    page.candidates = attribution.candidates.iter().take(SHOWN).map(shown).collect();
+    page.candidates = attribution.candidates.iter().map(shown).collect();
     for effect in &attribution.effects {
         for tie in &effect.ties {
             let (this, other) = (at(effect.id, effect.joint.as_deref()), at(tie.id, tie.joint.as_deref()));
-            let (how, record) = if tie.exact {
-                (format!("{this} cannot be told from {other} in any recording."), "")
-            } else {
-                (format!("{this} can hardly be told from {other} in these recordings ({:.1} nats).", tie.gap_nats), "record ")
-            };
-            page.ties.push(how);
-            page.next_steps.push(format!("To tell {this} from {other}, {record}{}.", tie.separate_by));
+            page.ties.push(format!("Beside {this}: {}.", tied(tie)));
+            page.next_steps.push(format!("To tell {this} from {other}: {}.", tie.separate_by));
         }
         page.next_steps.push(format!(
             "Put {} into the robot file with `raven-identify --add-effect {}` and look again.",
@@ -51,9 +45,10 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
     }
     let file_number = |of: &FileNumber| format!("{}, {:.1} of its tolerances off.", off(of), of.tolerances.abs());
     page.file_numbers = attribution.file_numbers.iter().map(file_number).collect();
-    let detectable = attribution.minimum_detectable.iter().filter_map(|least| {
-        Some(Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: least.size?, unit: least.unit.clone() })
-    });
+    let detectable = attribution
+        .minimum_detectable
+        .iter()
+        .filter_map(|least| Some(Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: least.words()? }));
     page.detectable = detectable.collect();
     page.not_observable = attribution.not_observable.iter().map(|none| (none.id.to_owned(), none.because.clone())).collect();
 }

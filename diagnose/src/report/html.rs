@@ -1,12 +1,15 @@
 //! The page as HTML.
 
 use raven::plot::page::document;
-use raven::plot::svg::{escape, figure};
+use raven::plot::svg::escape;
 
 use super::{Candidate, Page, bars, traces};
+use crate::attribution::NONE;
 
 /// Candidates listed.
 const CANDIDATES: usize = 10;
+/// The place of what belongs to no joint.
+const WHOLE: &str = "whole set-up";
 
 const STYLE: &str = include_str!("style.css");
 
@@ -35,8 +38,9 @@ pub fn html(page: &Page) -> String {
 
 fn header(page: &Page) -> String {
     let word = if page.verdict.is_empty() { String::new() } else { format!(" <span class=\"tag\">{}</span>", escape(&page.verdict)) };
+    let remarks: String = page.remarks.iter().map(|remark| format!("<p>{}</p>\n", escape(remark))).collect();
     format!(
-        "<header>\n<p class=\"over\">Sim-to-real diagnosis of {}{word}</p>\n<h1>{}</h1>\n</header>\n",
+        "<header>\n<p class=\"over\">Sim-to-real diagnosis of {}{word}</p>\n<h1>{}</h1>\n{remarks}</header>\n",
         escape(&page.title),
         escape(&page.verdict_sentence)
     )
@@ -84,7 +88,7 @@ fn candidates(candidates: &[Candidate]) -> String {
              <td class=\"n\">{shown}</td><td class=\"n\">{:.1}</td><td>{}</td></tr>\n",
             if c.chosen { " class=\"chosen\"" } else { "" },
             escape(&c.effect),
-            escape(c.joint.as_deref().unwrap_or("whole set-up")),
+            escape(c.joint.as_deref().unwrap_or(if c.effect == NONE { "" } else { WHOLE })),
             c.evidence_nats,
             escape(&c.parameters.join(", "))
         )
@@ -102,9 +106,8 @@ fn sensitivity(page: &Page) -> String {
     let mut content = String::new();
     if !page.detectable.is_empty() {
         let row = |d: &super::Detectable| {
-            let size = if d.unit == "1" { format!("{} %", figure(100.0 * d.size)) } else { format!("{} {}", figure(d.size), d.unit) };
-            let joint = d.joint.as_deref().unwrap_or("whole set-up");
-            format!("<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td></tr>\n", escape(&d.effect), escape(joint), escape(&size))
+            let joint = d.joint.as_deref().unwrap_or(WHOLE);
+            format!("<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td></tr>\n", escape(&d.effect), escape(joint), escape(&d.size))
         };
         let rows: String = page.detectable.iter().map(row).collect();
         content += &format!(
@@ -128,7 +131,15 @@ mod tests {
     #[test]
     fn the_page_holds_every_part_and_needs_nothing_else() {
         let page = html(&sample());
-        for part in ["pulley-radius", "What to do next", "Residuals over time", "95 %: 95 to 98 %", "class=\"chosen\"", "shows from"] {
+        for part in [
+            "pulley-radius",
+            "What to do next",
+            "Residuals over time",
+            "95 %: 95 to 98 %",
+            "class=\"chosen\"",
+            "shows from",
+            "sign was turned",
+        ] {
             assert!(page.contains(part), "{part}");
         }
         // The name space of SVG is a name, not a place.
@@ -169,8 +180,9 @@ mod tests {
             (phases.channel, phases.unit) = (bad.clone(), bad.clone());
             phases.phases.iter_mut().for_each(|p| p.phase.clone_from(&bad));
         }
+        page.remarks = vec![bad.clone()];
         for d in &mut page.detectable {
-            (d.effect, d.joint, d.unit) = (bad.clone(), Some(bad.clone()), bad.clone());
+            (d.effect, d.joint, d.size) = (bad.clone(), Some(bad.clone()), bad.clone());
         }
         assert!(!html(&page).contains("<img"));
     }

@@ -22,6 +22,8 @@ pub struct Page {
     pub verdict: String,
     /// The verdict in a sentence.
     pub verdict_sentence: String,
+    /// What else there is to say of how it came about.
+    pub remarks: Vec<String>,
     /// Recordings behind it.
     pub recordings: Vec<String>,
     /// The gap of each channel.
@@ -143,8 +145,6 @@ pub struct Detectable {
     pub effect: String,
     /// Joint; `None` for the whole robot or rig.
     pub joint: Option<String>,
-    /// Size.
-    pub size: f64,
-    /// Its unit; `1` is shown in per cent.
-    pub unit: String,
+    /// Size in words: `0.31 %`, `up to 12 N m`.
+    pub size: String,
 }

@@ -46,17 +46,17 @@ pub fn sample() -> Page {
             })
             .to_vec(),
     };
-    let detectable = |effect: &str, joint: Option<&str>, size, unit: &str| Detectable {
+    let detectable = |effect: &str, joint: Option<&str>, size: &str| Detectable {
         effect: effect.to_owned(),
         joint: joint.map(str::to_owned),
-        size,
-        unit: unit.to_owned(),
+        size: size.to_owned(),
     };
     Page {
         title: "raven2-gold".to_owned(),
         verdict: "explained".to_owned(),
         verdict_sentence: "The shoulder's link pulley is 5.2 % smaller than the model has it; that closes 97 % of the gap at the tip."
             .to_owned(),
+        remarks: vec!["carriage: the joint side counts against the motor side; its sign was turned.".to_owned()],
         recordings: vec!["fls-tracked.mcap".to_owned(), "sinusoid-tracked.mcap".to_owned()],
         gaps: vec![
             gap("shoulder", "deg", 0.22, 2.26, 0.24, (0.97, [0.95, 0.98])),
@@ -83,9 +83,9 @@ pub fn sample() -> Page {
             "Record 20 s with the shoulder over its whole range; expected evidence 40 nat against joint-offset.".to_owned(),
         ],
         detectable: vec![
-            detectable("pulley-radius", Some("shoulder"), 0.0031, "1"),
-            detectable("backlash", Some("elbow"), 0.12, "deg"),
-            detectable("time-offset", None, 0.0042, "s"),
+            detectable("pulley-radius", Some("shoulder"), "0.31 %"),
+            detectable("backlash", Some("elbow"), "0.00209 rad"),
+            detectable("time-offset", None, "0.0042 s"),
         ],
         not_observable: vec![("torque-ripple".to_owned(), "the recordings have no motor torque".to_owned())],
     }

@@ -103,7 +103,8 @@ fn a_hysteresis_of_the_file_lags_by_its_law() {
         (2, insertion, Hysteresis { half_loop: 0.002, length: 0.002, straight_part: 1.0 - 1e-9, lag_at_start: 0.0 }),
     ] {
         let middle = pose(45.0, 90.0, 0.35);
-        let path = Trajectory::rest(middle).then(0.1, 3.0, middle + swing).then(0.3, 4.0, middle - swing).then(0.3, 4.0, middle + 0.3 * swing);
+        let path =
+            Trajectory::rest(middle).then(0.1, 3.0, middle + swing).then(0.3, 4.0, middle - swing).then(0.3, 4.0, middle + 0.3 * swing);
         let lag = |hysteresis: Hysteresis| {
             let robot = arm_with(j, hysteresis);
             let trace = session(&robot, &[], &path, path.end_s());
@@ -113,8 +114,12 @@ fn a_hysteresis_of_the_file_lags_by_its_law() {
                 angle: trace.samples().iter().map(|sample| sample.cycle.motor).collect(),
             };
             let (arm, winding) = (robot.arm().unwrap(), robot.arm().unwrap().winding(&motor).into_owned());
-            let modelled: Vec<f64> =
-                motor.angle.iter().zip(&winding.angle).map(|(a, b)| (arm.transmission.joint_from_motor(a) - arm.transmission.joint_from_motor(b))[j]).collect();
+            let modelled: Vec<f64> = motor
+                .angle
+                .iter()
+                .zip(&winding.angle)
+                .map(|(a, b)| (arm.transmission.joint_from_motor(a) - arm.transmission.joint_from_motor(b))[j])
+                .collect();
             (lags, modelled)
         };
         let ((bare, _), (lagging, modelled)) = (lag(Hysteresis::default()), lag(hysteresis));
