@@ -1,5 +1,7 @@
 //! Errors of joint estimates against reference encoders, as in the paper's Table I.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 use raven::log::JointSeries;
 use raven::robot::Joint;
@@ -76,7 +78,7 @@ pub struct JointRow {
 
 /// RMS of errors [rad or m]; `None` of nothing.
 #[must_use]
-pub fn rms_of(series: &ErrorSeries) -> Option<f64> {
+pub fn rms_of(series: &[(f64, f64)]) -> Option<f64> {
     rms(&series.iter().map(|(_, error)| *error).collect::<Vec<_>>())
 }
 
@@ -122,29 +124,58 @@ impl JointErrors {
         }
     }
 
-    /// RMS per block of [`BLOCK_S`], what the controller believed and filter, for the paired test.
+    /// RMS in each block of [`BLOCK_S`] that has any, by its number; what the controller believed and filter, for the paired test.
     #[must_use]
-    pub fn blocks(&self) -> [Vec<f64>; 2] {
+    pub fn blocks(&self) -> [BTreeMap<i64, f64>; 2] {
         let start = self.believed.first().map_or(0.0, |(t, _)| *t);
+        let number = |(t, _): &(f64, f64)| ((t - start) / BLOCK_S).floor() as i64;
         let rms_blocks = |series: &ErrorSeries| {
-            series
-                .chunk_by(|(a, _), (b, _)| ((a - start) / BLOCK_S).floor() == ((b - start) / BLOCK_S).floor())
-                .filter_map(|block| rms(&block.iter().map(|(_, e)| *e).collect::<Vec<_>>()))
-                .collect()
+            let blocks = series.chunk_by(|a, b| number(a) == number(b));
+            blocks.filter_map(|block| Some((number(block.first()?), rms_of(block)?))).collect()
         };
         [rms_blocks(&self.believed), rms_blocks(&self.filter)]
     }
 }
 
-/// Paired t test of filter against belief over the blocks of all logs, for one joint.
+/// Paired t test of filter against belief over the blocks of all logs that both have, for one joint.
 #[must_use]
 pub fn paired(errors: &[JointErrors]) -> Option<TTest> {
-    let (mut before, mut after) = (Vec::new(), Vec::new());
-    for [b, a] in errors.iter().map(JointErrors::blocks) {
-        if b.len() == a.len() {
-            before.extend(b);
-            after.extend(a);
+    let pairs = errors.iter().map(JointErrors::blocks).flat_map(|[believed, filter]| {
+        let pair = move |(number, before)| Some((before, *filter.get(&number)?));
+        believed.into_iter().filter_map(pair)
+    });
+    let (before, after): (Vec<f64>, Vec<f64>) = pairs.unzip();
+    TTest::paired(&before, &after)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A minute of errors of 1 and 3 in turns, block by block, and a filter that halves them where it has estimates.
+    fn errors(filter: impl Fn(f64) -> bool) -> JointErrors {
+        let times = || (0..600).map(|k| f64::from(k) * 0.1);
+        let before = |t: f64| if ((t / BLOCK_S) as u64).is_multiple_of(2) { 1.0 } else { 3.0 };
+        JointErrors {
+            believed: times().map(|t| (t, before(t))).collect(),
+            filter: times().filter(|t| filter(*t)).map(|t| (t, 0.5 * before(t))).collect(),
+            ..JointErrors::default()
         }
     }
-    TTest::paired(&before, &after)
+
+    #[test]
+    fn a_block_is_paired_with_itself() {
+        let whole = paired(&[errors(|_| true)]).unwrap();
+        assert_eq!(whole.degrees_of_freedom, 11.0);
+        // One has no first block, the other no last one: as many as there are, and none beside its own.
+        let mut late = errors(|t| t >= BLOCK_S);
+        late.believed.retain(|(t, _)| *t < 55.0);
+        let paired_late = paired(std::slice::from_ref(&late)).unwrap();
+        assert_eq!(paired_late.degrees_of_freedom, 9.0);
+        // Every block's error is halved, which pairs of neighbours do not show.
+        let mean = |test: TTest| test.t.abs() / (test.degrees_of_freedom + 1.0).sqrt();
+        assert!((mean(paired_late) / mean(whole) - 1.0).abs() < 0.1, "{paired_late:?} {whole:?}");
+        // A log in which the filter has less than was recorded counts with what there is.
+        assert_eq!(paired(&[errors(|_| true), errors(|t| t < 30.0)]).unwrap().degrees_of_freedom, 17.0);
+    }
 }
