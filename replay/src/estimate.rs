@@ -32,12 +32,13 @@ pub struct Settings {
 pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Result<(Estimates, FilterRun)> {
     let (arm, believed_arm) = (robot.arm()?, robot.before_calibration().arm()?);
     let motor = recording.motor_track()?;
+    let driving = arm.motor_laws.applied(&arm, &motor);
     let mut tips = if recording.tip.is_empty() { Vec::new() } else { recording.tips(robot)? };
     let hidden = hide(&mut tips, settings.occlude);
     let camera = camera(&arm, &motor, &tips);
     let mut offered = tips.clone();
     if settings.occlusion == Occlusion::Kinematics {
-        offered.extend(stand_ins(&arm, &motor, &tips, &hidden));
+        offered.extend(stand_ins(&arm, &driving, &tips, &hidden));
         offered.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
     let filter = match settings.filter {
@@ -52,7 +53,7 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
     };
     let estimates = Estimates {
         believed: transmission(&believed_arm, &motor),
-        kinematic: transmission(&arm, &arm.motor_laws.applied(&arm, &motor)),
+        kinematic: transmission(&arm, &driving),
         camera,
         filter: track(&filter.filtered),
         smoother: track(&filter.smoothed),
