@@ -76,11 +76,8 @@ impl Recordings {
         }
         require_one_clock(path, &motion, &seen)?;
 
-        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        let lost_messages: usize = recording.quality.values().map(|q| q.non_finite + q.undecodable).sum();
-        if lost_messages > 0 {
-            self.lost.push(format!("{name}: {lost_messages} messages without finite numbers were left out."));
-        }
+        let name = recording.name();
+        self.lost.extend(recording.unusable());
         let (start, end) = (motion.span_s()[0], motion.span_s()[1]);
         let (mut in_gaps, mut without_covariance) = (0, 0);
         let mut sightings = Vec::with_capacity(seen.len());

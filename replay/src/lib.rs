@@ -145,5 +145,6 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     bar.finish_and_clear();
     let result = report::Report::new(&robot, &errors, summaries, started.elapsed().as_secs_f64());
     cli::results(out, &result.to_string(), args.json.as_deref(), &result)?;
-    Ok(Outcome::Done)
+    result.lost().for_each(|sentence| cli::warn(sentence));
+    Ok(if result.lost().next().is_none() { Outcome::Done } else { Outcome::DataLost })
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use raven::effects::within_images;
 use raven::filter::FilterRun;
 use raven::filter::consistency::{self, NormalisedSquares, Whiteness};
-use raven::log::{JointSeries, LogWriter, Recording, topics};
+use raven::log::{JointSeries, LogWriter, Recording, TipStatus, topics};
 use raven::plot::{self, Mark, Panel, Series};
 use raven::robot::{Arm, Robot};
 use raven::stats::TTest;
@@ -32,6 +32,12 @@ pub struct Report {
 #[derive(Debug, Serialize)]
 pub struct LogSummary {
     log: String,
+    /// Sentences about what could not be used.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    lost: Vec<String>,
+    /// Whether any tip was seen, used or not.
+    #[serde(skip)]
+    any_seen: bool,
     tips: usize,
     refused: usize,
     restarts: usize,
@@ -50,6 +56,8 @@ impl LogSummary {
         let nees = |track| recording.joint_encoders.as_ref().and_then(|reference| consistency::nees(track, reference));
         Self {
             log: recording.path.display().to_string(),
+            lost: lost(recording, filter),
+            any_seen: recording.tip.iter().any(|tip| tip.status == TipStatus::Seen),
             tips: filter.innovations.len(),
             refused: filter.innovations.iter().filter(|(_, innovation)| !innovation.accepted).count(),
             restarts: filter.restarts,
@@ -99,6 +107,11 @@ impl Report {
         let left_out = within_images(robot).into_iter().map(|effect| effect.id.clone()).collect();
         Self { joints, paired_t, logs, left_out, seconds }
     }
+
+    /// Sentences about what could not be used.
+    pub fn lost(&self) -> impl Iterator<Item = &String> {
+        self.logs.iter().flat_map(|log| &log.lost)
+    }
 }
 
 impl fmt::Display for Report {
@@ -131,11 +144,9 @@ impl fmt::Display for Report {
         }
         for log in &self.logs {
             if log.tips == 0 {
-                writeln!(
-                    out,
-                    "{} has no tip that was seen: the filter and the smoother follow the motors alone. `raven-track` finds tips in images.",
-                    log.log
-                )?;
+                let (which, advice) =
+                    if log.any_seen { ("could be used", "") } else { ("was seen", " `raven-track` finds tips in images.") };
+                writeln!(out, "{} has no tip that {which}: the filter and the smoother follow the motors alone.{advice}", log.log)?;
             }
             log.sentences(out)?;
         }
@@ -144,6 +155,15 @@ impl fmt::Display for Report {
         }
         Ok(())
     }
+}
+
+/// What of a log could not be used, in sentences.
+fn lost(recording: &Recording, filter: &FilterRun) -> Vec<String> {
+    let name = recording.name();
+    let of_tips = [(filter.without_covariance, "whose covariance is none"), (filter.in_pauses, "in pauses of the robot's messages")];
+    let of_tips = of_tips.iter().filter(|(count, _)| *count > 0);
+    let of_tips = of_tips.map(|(count, which)| format!("{name}: {count} sightings {which} were left out."));
+    recording.unusable().into_iter().chain(of_tips).collect()
 }
 
 /// What one count of each motor's encoder is at the joint [rad or m].

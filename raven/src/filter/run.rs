@@ -37,6 +37,10 @@ pub struct FilterRun {
     pub smoothed: JointTrack,
     /// Time and innovation of every tip that was offered, accepted or not.
     pub innovations: Vec<(f64, Innovation<3>)>,
+    /// Tips that were not offered: their covariance is none.
+    pub without_covariance: usize,
+    /// Tips that were passed over in the log's pauses.
+    pub in_pauses: usize,
     /// Pauses in the log after which the filter started anew.
     pub restarts: usize,
 }
@@ -71,6 +75,8 @@ pub fn run<const N: usize>(equation: &impl StateEquation<N>, kinematics: &Kinema
         let pause = (start + 1..motor.time_s.len()).find(|&k| motor.time_s[k] - motor.time_s[k - 1] > PAUSE_MAX_S);
         let end = pause.unwrap_or(motor.time_s.len());
         let passed = pending.partition_point(|tip| tip.time_s <= motor.time_s[start]);
+        // What comes before the log is in no pause.
+        out.in_pauses += if start > 0 { passed } else { 0 };
         let due = pending.partition_point(|tip| tip.time_s <= motor.time_s[end - 1]);
         Stretch::new(equation, kinematics, &driving.angle[start], motor.time_s[start]).run(
             [motor, &driving],
@@ -159,7 +165,10 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
     }
 
     fn observe(&mut self, tip: &TipAt, out: &mut FilterRun) {
-        let Some(noise) = tip.covariance.cholesky() else { return };
+        let Some(noise) = tip.covariance.cholesky() else {
+            out.without_covariance += 1;
+            return;
+        };
         let (equation, kinematics) = (self.equation, self.kinematics);
         let gate = self.gate.filter(|_| self.refusals < REFUSALS_MAX);
         let innovation = self.filter.update(&tip.position, |x| kinematics.forward(&equation.joints(x)), &noise.l(), gate);

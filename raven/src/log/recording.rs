@@ -122,6 +122,19 @@ impl Recording {
         self.joint_encoders.as_ref().ok_or_else(|| self.missing(topics::JOINT_ENCODERS, needed, "record them, or do without validation"))
     }
 
+    /// A sentence about messages that could not be used, if there are any.
+    #[must_use]
+    pub fn unusable(&self) -> Option<String> {
+        let messages: usize = self.quality.values().map(|quality| quality.non_finite + quality.undecodable).sum();
+        (messages > 0).then(|| format!("{}: {messages} messages without finite numbers were left out.", self.name()))
+    }
+
+    /// The name of the file, without its folder.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    }
+
     fn missing(&self, topic: &str, needed: &str, advice: &str) -> Error {
         let why = match self.problems.get(topic) {
             Some(problem) => format!("{problem}."),

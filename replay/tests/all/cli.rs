@@ -1,8 +1,59 @@
 //! Transcripts of the command line, and the paper's experiments in short.
 
+use std::collections::HashMap;
+use std::path::Path;
+
 use clap::Parser;
+use nalgebra::Matrix3;
+use raven::cli::Outcome;
+use raven::log::{Item, LogWriter, MotorSource, Recording, Stamp, TipObservation, Walker, topics};
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, Session};
+
+/// Runs the program on `words`, of which `{name}` is a file in the folder.
+fn replay(folder: &Path, words: &str) -> Result<(Outcome, String), String> {
+    let mut printed = Vec::new();
+    let outcome = raven_replay::chain::replay(&raven_replay::chain::typed(folder, "raven-replay", words), &mut printed);
+    outcome.map(|outcome| (outcome, String::from_utf8(printed).unwrap())).map_err(|error| error.to_string())
+}
+
+/// A folder with the nominal robot's file and its cameras', and `log.mcap`, some seconds of a sinusoid with tips.
+fn session() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    nominal::gold().write(&folder.path().join("robot.yaml")).unwrap();
+    let words = "simulate --motion sinusoid --duration 6 --cameras-out {cameras.yaml} -o {log.mcap}";
+    raven_replay::chain::capture(&raven_replay::chain::typed(folder.path(), "raven-capture", words), &mut Vec::new()).unwrap();
+    folder
+}
+
+/// Writes `log.mcap` again as `altered.mcap`: messages that are kept, and tips as they are changed.
+fn alter(folder: &Path, is_kept: impl Fn(&str, f64) -> bool, change: impl Fn(usize, &mut TipObservation)) -> LogWriter {
+    let from = folder.join("log.mcap");
+    let recording = Recording::read(&from, &MotorSource::default()).unwrap();
+    let mut log = LogWriter::computed(&folder.join("altered.mcap")).unwrap();
+    let mut channels = HashMap::new();
+    let mut copy = |item: Item<'_>| {
+        match item {
+            Item::Channel(channel) => drop(channels.insert(channel.id, log.copy_channel(channel)?)),
+            Item::Message(message) => {
+                let topic = message.channel.topic.as_str();
+                if topic != topics::TIP && is_kept(topic, message.publish_time.seconds_since(recording.start)) {
+                    log.copy_message(channels[&message.channel.id], &message)?;
+                }
+            }
+            Item::Attachment(file) => log.copy_attachment(&file)?,
+            Item::Start { .. } | Item::Metadata(..) => {}
+        }
+        Ok(())
+    };
+    Walker::open(&from).unwrap().run(&mut copy).unwrap();
+    for (k, tip) in recording.tip.iter().enumerate() {
+        let mut tip = tip.clone();
+        change(k, &mut tip);
+        log.tip(&tip).unwrap();
+    }
+    log
+}
 
 #[test]
 fn transcripts() {
@@ -53,4 +104,51 @@ fn no_tips_are_told_and_nothing_is_better_than_no_error() {
     assert!(!hardstop.contains(" %  ") && !hardstop.contains("no tip"), "{hardstop}");
     let untracked = said("untracked.mcap");
     assert!(untracked.contains("untracked.mcap has no tip that was seen") && untracked.contains("raven-track"), "{untracked}");
+}
+
+#[test]
+fn what_could_not_be_used_is_told_and_makes_the_exit_code() {
+    let folder = session();
+    let at = folder.path();
+    let replayed = || {
+        let (outcome, printed) = replay(at, "{altered.mcap} --robot {robot.yaml} --json {replay.json}").unwrap();
+        let json: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at.join("replay.json")).unwrap()).unwrap();
+        (outcome, printed, json["logs"][0].clone())
+    };
+    let all = |_: &str, _: f64| true;
+    alter(at, all, |_, _| {}).finish().unwrap();
+    let (outcome, _, whole) = replayed();
+    let tips = whole["tips"].as_u64().unwrap();
+    assert!(outcome == Outcome::Done && tips > 50 && whole.get("lost").is_none(), "{whole}");
+
+    // What an external tracker says that knows no covariance.
+    alter(at, all, |k, tip| {
+        if k < 30 {
+            tip.covariance_m2 = Matrix3::zeros()
+        }
+    })
+    .finish()
+    .unwrap();
+    let (outcome, _, some) = replayed();
+    assert!(outcome == Outcome::DataLost && some["tips"].as_u64().unwrap() < tips - 20, "{some}");
+    assert!(some["lost"][0].as_str().unwrap().contains("whose covariance is none"), "{some}");
+    alter(at, all, |_, tip| tip.covariance_m2 = Matrix3::zeros()).finish().unwrap();
+    let (outcome, printed, none) = replayed();
+    assert_eq!((outcome, &none["tips"]), (Outcome::DataLost, &0.into()));
+    assert!(!printed.contains("no tip that was seen") && printed.contains("follow the motors alone"), "{printed}");
+
+    // Nobody knows where the robot was in a pause of its messages.
+    alter(at, |topic, at_s| topic != topics::RAVEN_STATE || !(2.0..3.0).contains(&at_s), |_, _| {}).finish().unwrap();
+    let (outcome, _, paused) = replayed();
+    assert_eq!((outcome, &paused["restarts"]), (Outcome::DataLost, &1.into()));
+    assert!(paused["lost"][0].as_str().unwrap().contains("pause"), "{paused}");
+
+    let mut log = alter(at, all, |_, _| {});
+    let start = Recording::read(&at.join("log.mcap"), &MotorSource::default()).unwrap().start;
+    let names = nominal::gold().joints.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
+    log.joint_states(topics::JOINT_ENCODERS, Stamp(start.0 + 500_000), &names, &[f64::NAN; 3], None).unwrap();
+    log.finish().unwrap();
+    let (outcome, _, damaged) = replayed();
+    assert_eq!(outcome, Outcome::DataLost);
+    assert!(damaged["lost"][0].as_str().unwrap().contains("1 messages without finite numbers"), "{damaged}");
 }
