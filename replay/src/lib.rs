@@ -14,7 +14,7 @@ use std::time::Instant;
 use clap::{Parser, Subcommand, ValueEnum};
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::Recording;
+use raven::log::{CAMERAS_FILE, Recording};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
@@ -109,7 +109,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     files::apart(args.logs.iter().chain(&args.robot).chain(&args.cameras), &outputs)?;
     let robot = Robot::read(robot_path)?;
     robot.arm()?;
-    let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
+    let cameras_text = args.cameras.as_deref().map(files::read_text).transpose()?;
+    let cameras = args.cameras.as_deref().zip(cameras_text.as_deref());
+    let cameras = cameras.map(|(path, text)| Cameras::parse(path, text).map(|cameras| (path, cameras))).transpose()?;
     for (option, is_given) in [("-o", args.output.is_some()), ("--plot", args.plot.is_some())] {
         if is_given && args.logs.len() > 1 {
             return Err(Error::Argument(format!("{option} takes the estimates of one log; give one log or leave {option} away.")));
@@ -122,7 +124,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let mut summaries = Vec::new();
     for path in &args.logs {
         let recording = Recording::read(path, &(&robot).into())?;
-        if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
+        if let Some((cameras_path, cameras)) = &cameras {
             cameras.warn_if_others_tracked(cameras_path, [(path, Cameras::of_tracked(&recording))])?;
         }
         Cameras::warn_if_latency_counts_twice(&robot, &recording);
@@ -134,7 +136,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
             }
         }
         if let Some(output) = &args.output {
-            report::write_log(output, &recording, &robot, &estimates)?;
+            let tracked_with = || recording.attachments.get(CAMERAS_FILE).map(Vec::as_slice);
+            report::write_log(output, &recording, &robot, cameras_text.as_deref().map(str::as_bytes).or_else(tracked_with), &estimates)?;
         }
         if let Some(plot) = &args.plot {
             report::write_plot(plot, &recording, &robot, &estimates)?;

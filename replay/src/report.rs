@@ -185,11 +185,13 @@ fn concatenate(errors: &[JointErrors]) -> JointErrors {
     all
 }
 
-/// Writes the three estimates as joint states, beside the log's metadata.
-pub fn write_log(path: &Path, recording: &Recording, robot: &Robot, estimates: &Estimates) -> Result<()> {
+/// Writes the three estimates as joint states, beside the log's metadata, the robot's file and the cameras'.
+///
+/// # Errors
+/// If a file that was not computed has that name, or the disk is full.
+pub fn write_log(path: &Path, recording: &Recording, robot: &Robot, cameras: Option<&[u8]>, estimates: &Estimates) -> Result<()> {
     let mut log = LogWriter::computed(path)?;
     log.metadata("session", &recording.session)?;
-    log.attachment("robot.yaml", "application/yaml", robot.to_yaml().as_bytes())?;
     let names: Vec<&str> = robot.joints.iter().map(|j| j.name.as_str()).collect();
     for (topic, estimate) in [
         (topics::ESTIMATE_KINEMATIC, &estimates.kinematic),
@@ -200,6 +202,7 @@ pub fn write_log(path: &Path, recording: &Recording, robot: &Robot, estimates: &
             log.joint_states(topic, recording.start.plus_seconds(*time_s), &names, joints.as_slice(), None)?;
         }
     }
+    log.made_with(&robot.to_yaml(), cameras)?;
     log.finish()
 }
 

@@ -4,15 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use raven::Result;
-use raven::log::{Item, LogWriter, Side, TipObservation, TipStatus, Walker, topics};
+use raven::log::{CAMERAS_FILE, Item, LogWriter, ROBOT_FILE, Side, TipObservation, TipStatus, Walker, topics};
 
 use crate::tracker::{Record, Sighting};
 
-const ROBOT: &str = "robot.yaml";
-const CAMERAS: &str = "cameras.yaml";
 /// Name of the metadata record about the tips.
 const TIP: &str = "tip";
-const YAML: &str = "application/yaml";
 
 /// What goes into a tracked log beside what the recording has.
 #[derive(Debug, Clone, Copy)]
@@ -51,7 +48,9 @@ pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<
                     log.copy_message(id, &message)?;
                 }
             }
-            Item::Attachment(attachment) if ![ROBOT, CAMERAS].contains(&attachment.name.as_str()) => log.copy_attachment(&attachment)?,
+            Item::Attachment(attachment) if ![ROBOT_FILE, CAMERAS_FILE].contains(&attachment.name.as_str()) => {
+                log.copy_attachment(&attachment)?
+            }
             Item::Metadata(name, pairs) if name != TIP => log.metadata(&name, &pairs)?,
             Item::Start { .. } | Item::Channel(_) | Item::Attachment(_) | Item::Metadata(..) => {}
         }
@@ -63,8 +62,7 @@ pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<
     }
     draw(&mut log, contents.records)?;
     log.metadata(TIP, contents.metadata)?;
-    log.attachment(ROBOT, YAML, contents.robot.as_bytes())?;
-    log.attachment(CAMERAS, YAML, contents.cameras.as_bytes())?;
+    log.made_with(contents.robot, Some(contents.cameras.as_bytes()))?;
     log.finish()
 }
 

@@ -5,12 +5,10 @@ use std::path::Path;
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::{Cameras, Pinhole};
-use crate::log::Recording;
+use crate::log::{CAMERAS_FILE, Recording};
 use crate::robot::Robot;
 use crate::{Error, Result, cli};
 
-/// Name of the cameras' file in a tracked recording.
-const ATTACHED: &str = "cameras.yaml";
 /// Two calibrations of the same cameras put a point nearer than this in their images [px] and before the robot [m], and their images nearer in
 /// time [s].
 const SAME_PX: f64 = 1.0;
@@ -26,7 +24,7 @@ impl Cameras {
     /// The cameras that a recording was tracked with, where it says so.
     #[must_use]
     pub fn of_tracked(recording: &Recording) -> Option<Self> {
-        let text = std::str::from_utf8(recording.attachments.get(ATTACHED)?).ok()?;
+        let text = std::str::from_utf8(recording.attachments.get(CAMERAS_FILE)?).ok()?;
         Self::parse(&recording.path, text).ok()
     }
 
@@ -77,7 +75,7 @@ impl Cameras {
                 let ([width, height], [as_wide, as_high]) = (size(own), size(theirs));
                 let message = format!(
                     "{side}.image_width and image_height are {width} x {height}, but {log_name} was tracked with cameras of {as_wide} x {as_high}, \
-                     which it carries as {ATTACHED}; give the file it was tracked with, or track it anew."
+                     which it carries as {CAMERAS_FILE}; give the file it was tracked with, or track it anew."
                 );
                 return Err(Error::file(path, message));
             }
@@ -102,7 +100,7 @@ impl Cameras {
         let differences: Vec<String> = differences.into_iter().filter_map(|(is_material, words)| is_material.then_some(words)).collect();
         Ok((!differences.is_empty()).then(|| {
             format!(
-                "{path_name} and the cameras that {log_name} was tracked with, which it carries as {ATTACHED}, differ by up to {}; give the file \
+                "{path_name} and the cameras that {log_name} was tracked with, which it carries as {CAMERAS_FILE}, differ by up to {}; give the file \
                  it was tracked with, or track it anew.",
                 differences.join(" and ")
             )

@@ -58,4 +58,4 @@ pub use survey::{StoredFile, Survey, TipCounts, TopicSurvey};
 pub use tip::{TipObservation, TipStatus};
 pub use walk::{Attachment, Channel, Damage, Item, RawMessage, Walker};
 pub use write_protobuf::CameraInfo;
-pub use writer::{ChannelId, LogWriter, SchemaRef, Times};
+pub use writer::{CAMERAS_FILE, ChannelId, LogWriter, ROBOT_FILE, SchemaRef, Times};

@@ -16,6 +16,11 @@ use crate::{Error, Result, files};
 pub(super) const LIBRARY: &str = concat!("raven-cal ", env!("CARGO_PKG_VERSION"));
 /// What follows in a log that can be computed again.
 const COMPUTED: &str = ", computed";
+/// Name under which a log carries the robot's file that it was made with.
+pub const ROBOT_FILE: &str = "robot.yaml";
+/// Name under which it carries the cameras'.
+pub const CAMERAS_FILE: &str = "cameras.yaml";
+const YAML: &str = "application/yaml";
 /// MD5 of [`RAVEN_STATE_DEFINITION`], by which ROS tells versions of a message apart.
 const RAVEN_STATE_MD5: &str = "ce9e7f4969049d8bb365de3c98461a01";
 
@@ -181,6 +186,15 @@ impl LogWriter {
     pub fn attachment(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<()> {
         let (name, media_type) = (name.to_owned(), media_type.to_owned());
         self.copy_attachment(&Attachment { name, media_type, data: data.to_vec(), log_time: self.last, create_time: self.last })
+    }
+
+    /// Stores the robot's file and the cameras', with which the log was made.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn made_with(&mut self, robot: &str, cameras: Option<&[u8]>) -> Result<()> {
+        self.attachment(ROBOT_FILE, YAML, robot.as_bytes())?;
+        cameras.map_or(Ok(()), |cameras| self.attachment(CAMERAS_FILE, YAML, cameras))
     }
 
     /// Stores an attachment of another log, with its dates.

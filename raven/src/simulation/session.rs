@@ -157,10 +157,8 @@ impl Session {
         robot.write_until(&mut log, f64::INFINITY)?;
         written.robot = trace.samples().len();
         written.joint_encoders = if self.options.joint_encoders { written.robot } else { 0 };
-        log.attachment("robot.yaml", "application/yaml", self.robot.to_yaml().as_bytes())?;
-        if let Some(cameras) = self.cameras().filter(|_| !images) {
-            log.attachment("cameras.yaml", "application/yaml", cameras.to_yaml().as_bytes())?;
-        }
+        let cameras = self.cameras().filter(|_| !images).map(|cameras| cameras.to_yaml());
+        log.made_with(&self.robot.to_yaml(), cameras.as_deref().map(str::as_bytes))?;
         log.finish()?;
         Ok(written)
     }

@@ -1,6 +1,6 @@
 //! Transcripts of the command line, and the paper's experiments in short.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use clap::Parser;
@@ -151,4 +151,29 @@ fn what_could_not_be_used_is_told_and_makes_the_exit_code() {
     let (outcome, _, damaged) = replayed();
     assert_eq!(outcome, Outcome::DataLost);
     assert!(damaged["lost"][0].as_str().unwrap().contains("1 messages without finite numbers"), "{damaged}");
+}
+
+#[test]
+fn the_output_carries_the_robot_and_the_cameras_it_was_made_with() {
+    let folder = session();
+    let at = folder.path();
+    let attached = |words: &str| {
+        replay(at, &format!("{{log.mcap}} --robot {{robot.yaml}} {words} -o {{out.mcap}}")).unwrap();
+        let mut attachments = BTreeMap::new();
+        let mut take = |item: Item<'_>| {
+            if let Item::Attachment(file) = item {
+                attachments.insert(file.name, file.data);
+            }
+            Ok(())
+        };
+        Walker::open(&at.join("out.mcap")).unwrap().run(&mut take).unwrap();
+        attachments
+    };
+    let own = Recording::read(&at.join("log.mcap"), &MotorSource::default()).unwrap().attachments;
+    let mine = std::fs::read_to_string(at.join("cameras.yaml")).unwrap() + "# The same.\n";
+    std::fs::write(at.join("mine.yaml"), &mine).unwrap();
+    let given = attached("--cameras {mine.yaml}");
+    assert_eq!(given.keys().collect::<Vec<_>>(), ["cameras.yaml", "robot.yaml"]);
+    assert_eq!(given["cameras.yaml"], mine.as_bytes());
+    assert_eq!(attached("").get("cameras.yaml"), own.get("cameras.yaml"));
 }
