@@ -3,6 +3,7 @@
 pub mod chain;
 pub mod errors;
 pub mod estimate;
+pub mod over_time;
 pub mod paper;
 mod report;
 pub mod tour;
@@ -140,7 +141,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
             report::write_log(output, &recording, &robot, cameras_text.as_deref().map(str::as_bytes).or_else(tracked_with), &estimates)?;
         }
         if let Some(plot) = &args.plot {
-            report::write_plot(plot, &recording, &robot, &estimates)?;
+            files::write_atomic(plot, report::plot(&recording, &robot, &estimates)?.as_bytes())?;
         }
         summaries.push(report::LogSummary::new(&recording, &filter));
         bar.inc(1);

@@ -4,17 +4,18 @@ use std::f64::consts::TAU;
 use std::fmt;
 use std::path::Path;
 
+use raven::Result;
 use raven::effects::within_images;
 use raven::filter::FilterRun;
 use raven::filter::consistency::{self, NormalisedSquares, Whiteness};
-use raven::log::{JointSeries, LogWriter, Recording, TipStatus, topics};
-use raven::plot::{self, Mark, Panel, Series};
+use raven::log::{LogWriter, Recording, TipStatus, topics};
+use raven::plot;
 use raven::robot::{Arm, Robot};
 use raven::stats::TTest;
-use raven::{Result, files};
 use serde::Serialize;
 
-use crate::errors::{Estimate, Estimates, JointErrors, JointRow, paired};
+use crate::errors::{Estimates, JointErrors, JointRow, paired};
+use crate::over_time::OverTime;
 
 /// The machine-readable result.
 #[derive(Debug, Serialize)]
@@ -206,38 +207,15 @@ pub fn write_log(path: &Path, recording: &Recording, robot: &Robot, cameras: Opt
     log.finish()
 }
 
-/// Draws estimates and errors of all joints over time.
-pub fn write_plot(path: &Path, recording: &Recording, robot: &Robot, estimates: &Estimates) -> Result<()> {
-    let mut panels = Vec::new();
-    for (j, joint) in robot.joints.iter().enumerate().take(3) {
-        let (unit, scale) = joint.display_unit();
-        let series = |label: &str, samples: Vec<(f64, f64)>, mark| Series { label: label.to_owned(), samples, mark };
-        let values = |e: &Estimate| e.time_s.iter().zip(&e.joints).map(|(&t, q)| (t, q[j] * scale)).collect();
-        let panel =
-            |title: String, y: &str, series| Panel { title, x_label: "time [s]".to_owned(), y_label: format!("{y} [{unit}]"), series };
-        let mut positions = vec![
-            series("camera", values(&estimates.camera), Mark::Points),
-            series("as recorded", values(&estimates.believed), Mark::Line),
-            series("filter", values(&estimates.filter), Mark::Line),
-        ];
-        if let Some(reference) = &recording.joint_encoders {
-            positions.push(series("joint encoder", reference_series(reference, j, scale), Mark::Line));
-            panels.push(panel(joint.name.clone(), "position", positions));
-            let errors = JointErrors::new(estimates, reference, j);
-            let scaled = |e: &[(f64, f64)]| e.iter().map(|(t, e)| (*t, e * scale)).collect();
-            let curves = vec![
-                series("camera", scaled(&errors.camera), Mark::Points),
-                series("as recorded", scaled(&errors.believed), Mark::Line),
-                series("filter", scaled(&errors.filter), Mark::Line),
-            ];
-            panels.push(panel(format!("{}: error", joint.name), "error", curves));
-        } else {
-            panels.push(panel(joint.name.clone(), "position", positions));
-        }
-    }
-    files::write_atomic(path, plot::panels(&panels)?.as_bytes())
-}
-
-fn reference_series(reference: &JointSeries, j: usize, scale: f64) -> Vec<(f64, f64)> {
-    reference.time_s.iter().zip(&reference.position[j]).map(|(&t, &q)| (t, q * scale)).collect()
+/// Estimates and errors of all joints over time, as SVG.
+///
+/// # Errors
+/// If it cannot be drawn.
+pub fn plot(recording: &Recording, robot: &Robot, estimates: &Estimates) -> Result<String> {
+    let reference = recording.joint_encoders.as_ref();
+    let panels = robot.joints.iter().take(3).enumerate().flat_map(|(j, joint)| {
+        let over_time = OverTime { joint, j, estimates, until_s: f64::INFINITY };
+        [Some(over_time.positions(reference)), reference.map(|reference| over_time.errors(reference, None))]
+    });
+    plot::panels(&panels.flatten().collect::<Vec<_>>())
 }

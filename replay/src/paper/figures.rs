@@ -4,13 +4,14 @@ use std::path::Path;
 
 use raven::filter::FilterRun;
 use raven::log::Recording;
-use raven::plot::{self, Boxes, Histogram, Mark, Panel, Series, Spread};
+use raven::plot::{self, Boxes, Histogram, Spread};
 use raven::robot::Robot;
 use raven::{Result, files};
 
 use super::occlusion::{Run, SHARES, WAYS};
 use super::trials::{ESTIMATES, TrialErrors};
-use crate::errors::{ErrorSeries, Estimate, Estimates, JointErrors};
+use crate::errors::Estimates;
+use crate::over_time::OverTime;
 
 /// How much of a trial the figures over time show [s]; more of it could not be told apart.
 const SHOWN_S: f64 = 30.0;
@@ -21,37 +22,10 @@ const SHOWN: [usize; 4] = [0, 2, 3, 4];
 pub fn over_time(folder: &Path, robot: &Robot, recording: &Recording, estimates: &Estimates, run: &FilterRun) -> Result<()> {
     let reference = recording.require_joint_encoders()?;
     let (mut positions, mut errors) = (Vec::new(), Vec::new());
-    let early = |samples: Vec<(f64, f64)>| samples.into_iter().filter(|(t, _)| *t <= SHOWN_S).collect::<Vec<_>>();
-    let series = |label: &str, samples, mark| Series { label: label.to_owned(), samples: early(samples), mark };
     for (j, joint) in robot.joints.iter().enumerate().take(3) {
-        let (unit, scale) = joint.display_unit();
-        let values = |e: &Estimate| e.time_s.iter().zip(&e.joints).map(|(&t, q)| (t, q[j] * scale)).collect::<Vec<_>>();
-        let truth = reference.time_s.iter().zip(&reference.position[j]).map(|(&t, &q)| (t, q * scale)).collect();
-        let panel =
-            |y: &str, series| Panel { title: joint.name.clone(), x_label: "time [s]".to_owned(), y_label: format!("{y} [{unit}]"), series };
-        positions.push(panel(
-            "position",
-            vec![
-                series("camera", values(&estimates.camera), Mark::Points),
-                series("as recorded", values(&estimates.believed), Mark::Line),
-                series("filter", values(&estimates.filter), Mark::Line),
-                series("joint encoder", truth, Mark::Line),
-            ],
-        ));
-        let error = JointErrors::new(estimates, reference, j);
-        let scaled = |e: &ErrorSeries| e.iter().map(|(t, e)| (*t, e * scale)).collect::<Vec<_>>();
-        let band: Vec<(f64, f64, f64)> = std::iter::zip(&run.filtered.time_s, run.filtered.std())
-            .filter(|(t, _)| **t <= SHOWN_S)
-            .map(|(t, std)| (*t, -2.0 * std[j] * scale, 2.0 * std[j] * scale))
-            .collect();
-        errors.push(panel(
-            "error",
-            vec![
-                series("camera", scaled(&error.camera), Mark::Points),
-                Series::band("filter's two sigma", &band),
-                series("filter", scaled(&error.filter), Mark::Line),
-            ],
-        ));
+        let shown = OverTime { joint, j, estimates, until_s: SHOWN_S };
+        positions.push(shown.positions(Some(reference)));
+        errors.push(shown.errors(reference, Some(run)));
     }
     files::write_atomic(&folder.join("figure-positions.svg"), plot::panels(&positions)?.as_bytes())?;
     files::write_atomic(&folder.join("figure-errors.svg"), plot::panels(&errors)?.as_bytes())
