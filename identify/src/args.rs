@@ -117,7 +117,7 @@ pub struct Identify {
     /// Robot file to write; - for standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// With dual and joint: the estimates over time with bands of two deviations, as SVG.
+    /// With dual and joint: the estimates over time with bands of two deviations, as SVG; - for standard output.
     #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
     /// Result for scripts; - for standard output.
@@ -198,20 +198,19 @@ impl Identify {
     /// If a file to write is one of those to read.
     pub fn apart(&self) -> Result<()> {
         let inputs = self.logs.iter().chain(&self.robot).chain(&self.cameras).chain(&self.diagnosis);
-        let outputs = [("-o", self.output.as_deref()), ("--json", self.json.as_deref()), ("--plot", self.plot.as_deref())];
-        files::apart(inputs, &outputs)
+        files::apart(inputs, &self.outputs())
+    }
+
+    fn outputs(&self) -> [(&str, Option<&Path>); 3] {
+        [("-o", self.output.as_deref()), ("--json", self.json.as_deref()), ("--plot", self.plot.as_deref())]
     }
 
     /// Whether standard output is left for the table.
     ///
     /// # Errors
-    /// If both the robot file and the result are to go there.
+    /// If two of the outputs are to go there.
     pub fn has_table(&self) -> Result<bool> {
-        match [&self.output, &self.json].into_iter().flatten().filter(|path| path.as_os_str() == raven::cli::STANDARD_OUTPUT).count() {
-            0 => Ok(true),
-            1 => Ok(false),
-            _ => Err(Error::Argument("-o and --json are both `-`, and standard output takes one of them; name a file.".to_owned())),
-        }
+        raven::cli::is_left_for_words(&self.outputs())
     }
 
     /// The logs.

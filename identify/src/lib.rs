@@ -27,7 +27,6 @@ pub mod report;
 pub mod session;
 
 use std::io::Write;
-use std::path::Path;
 use std::time::Instant;
 
 pub use args::Args;
@@ -96,11 +95,11 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(path) = &args.output {
         let method = identified::remarked(args.method.name(), report.misfit());
         let new = identified::identified(&robot, &findings, problem.turned(), &method, &recordings.sessions)?;
-        write(path, &new.to_yaml(), out)?;
+        cli::write_text(path, &new.to_yaml(), out)?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {
         let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;
-        files::write_atomic(path, svg.as_bytes())?;
+        cli::write_text(path, &svg, out)?;
     }
     let table = if has_table { report.table() } else { String::new() };
     cli::results(out, &table, args.json.as_deref(), &report)?;
@@ -112,9 +111,4 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
-}
-
-/// Writes a file; `-` is standard output.
-pub(crate) fn write(path: &Path, text: &str, out: &mut dyn Write) -> Result<()> {
-    if path.as_os_str() == cli::STANDARD_OUTPUT { cli::print(out, text) } else { files::write_atomic(path, text.as_bytes()) }
 }

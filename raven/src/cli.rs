@@ -65,6 +65,29 @@ pub fn print(out: &mut dyn Write, text: &str) -> Result<()> {
     out.write_all(text.as_bytes()).map_err(|e| Error::io(Path::new("standard output"), "write to", e))
 }
 
+/// Writes a text file; [`STANDARD_OUTPUT`] is standard output.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_text(path: &Path, text: &str, out: &mut dyn Write) -> Result<()> {
+    if path.as_os_str() == STANDARD_OUTPUT { print(out, text) } else { files::write_atomic(path, text.as_bytes()) }
+}
+
+/// Whether standard output is left for results in words: none of `outputs`, which come with the options that name them, goes there.
+///
+/// # Errors
+/// If two of them are to go there.
+pub fn is_left_for_words(outputs: &[(&str, Option<&Path>)]) -> Result<bool> {
+    let goes_there = |path: &Path| path.as_os_str() == STANDARD_OUTPUT;
+    let mut there = outputs.iter().filter(|(_, path)| path.is_some_and(goes_there)).map(|(option, _)| option);
+    match (there.next(), there.next()) {
+        (Some(one), Some(other)) => {
+            Err(Error::Argument(format!("{one} and {other} are both `-`, and standard output takes one of them; name a file.")))
+        }
+        (one, _) => Ok(one.is_none()),
+    }
+}
+
 /// Prints results in words, and writes them for machines where that is asked for; [`STANDARD_OUTPUT`] is for the machine alone.
 ///
 /// # Errors

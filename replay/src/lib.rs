@@ -50,13 +50,13 @@ pub struct Args {
     /// What the filter makes of a hidden marker: nothing, or as in the paper the tip that transmission kinematics computes.
     #[arg(long, value_enum, default_value_t = Occlusion::Skip)]
     pub occlusion: Occlusion,
-    /// Writes the estimates to a log, for one input log.
+    /// Writes the estimates to a log, for one input log; a log cannot go to standard output.
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Writes the result as JSON.
+    /// Writes the result as JSON; `-` is standard output.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Writes plots of estimates and errors over time as SVG.
+    /// Writes plots of estimates and errors over time as SVG; `-` is standard output.
     #[arg(long)]
     plot: Option<PathBuf>,
 }
@@ -108,6 +108,10 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let Some(robot_path) = &args.robot else { return Err(Error::Argument("--robot is needed.".to_owned())) };
     let outputs = [("-o", args.output.as_deref()), ("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())];
     files::apart(args.logs.iter().chain(&args.robot).chain(&args.cameras), &outputs)?;
+    let has_table = cli::is_left_for_words(&outputs[1..])?;
+    if args.output.as_deref().is_some_and(|output| output.as_os_str() == cli::STANDARD_OUTPUT) {
+        return Err(Error::Argument("-o -: a log is no text and cannot go to standard output; name a file.".to_owned()));
+    }
     let robot = Robot::read(robot_path)?;
     robot.arm()?;
     let cameras_text = args.cameras.as_deref().map(files::read_text).transpose()?;
@@ -141,14 +145,15 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
             report::write_log(output, &recording, &robot, cameras_text.as_deref().map(str::as_bytes).or_else(tracked_with), &estimates)?;
         }
         if let Some(plot) = &args.plot {
-            files::write_atomic(plot, report::plot(&recording, &robot, &estimates)?.as_bytes())?;
+            cli::write_text(plot, &report::plot(&recording, &robot, &estimates)?, out)?;
         }
         summaries.push(report::LogSummary::new(&recording, &filter));
         bar.inc(1);
     }
     bar.finish_and_clear();
     let result = report::Report::new(&robot, &errors, summaries, started.elapsed().as_secs_f64());
-    cli::results(out, &result.to_string(), args.json.as_deref(), &result)?;
+    let table = if has_table { result.to_string() } else { String::new() };
+    cli::results(out, &table, args.json.as_deref(), &result)?;
     result.lost().for_each(|sentence| cli::warn(sentence));
     Ok(if result.lost().next().is_none() { Outcome::Done } else { Outcome::DataLost })
 }

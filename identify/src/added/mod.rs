@@ -56,7 +56,7 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
     // What is written must be readable: the sentence about a number that is not comes from reading it.
     let text = robot.to_yaml();
     Robot::parse(output, &text)?;
-    crate::write(output, &text, out)?;
+    cli::write_text(output, &text, out)?;
     let changes = before.changes_to(&robot);
     let listed = &robot.effects[before.effects.len()..];
     let report = {

@@ -63,7 +63,7 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     let proposal = lab.proposal(args.duration);
     let text = proposal.and_then(|proposal| {
         if let Some(path) = &args.output {
-            crate::write(path, &csv(&robot, &proposal.plan), out)?;
+            raven::cli::write_text(path, &csv(&robot, &proposal.plan), out)?;
             if path.as_os_str() == raven::cli::STANDARD_OUTPUT {
                 return Ok(String::new());
             }

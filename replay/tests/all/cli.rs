@@ -177,3 +177,16 @@ fn the_output_carries_the_robot_and_the_cameras_it_was_made_with() {
     assert_eq!(given["cameras.yaml"], mine.as_bytes());
     assert_eq!(attached("").get("cameras.yaml"), own.get("cameras.yaml"));
 }
+
+#[test]
+fn a_dash_is_standard_output_for_the_plot_and_none_for_a_log() {
+    let folder = session();
+    let at = folder.path();
+    let (_, printed) = replay(at, "{log.mcap} --robot {robot.yaml} --plot - --json {replay.json}").unwrap();
+    assert!(printed.starts_with("<svg") && printed.trim_end().ends_with("</svg>") && at.join("replay.json").exists(), "{printed}");
+    let both = replay(at, "{log.mcap} --robot {robot.yaml} --plot - --json -").unwrap_err();
+    assert!(both.contains("--json and --plot are both `-`"), "{both}");
+    let log = replay(at, "{log.mcap} --robot {robot.yaml} -o -").unwrap_err();
+    assert!(log.contains("-o -") && log.contains("name a file"), "{log}");
+    assert!(!Path::new("-").exists());
+}
