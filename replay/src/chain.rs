@@ -29,7 +29,9 @@ pub struct Chain<'a> {
     folder: &'a Path,
     out: &'a mut dyn Write,
     /// Commands and what they printed.
-    pub transcript: String,
+    transcript: String,
+    /// Whether any step lost data.
+    outcome: Outcome,
 }
 
 impl<'a> Chain<'a> {
@@ -46,7 +48,7 @@ impl<'a> Chain<'a> {
             return Err(Error::file(folder, message));
         }
         files::write_atomic(&folder.join("robot.yaml"), nominal::GOLD_YAML.as_bytes())?;
-        Ok(Self { folder, out, transcript: String::new() })
+        Ok(Self { folder, out, transcript: String::new(), outcome: Outcome::Done })
     }
 
     /// Runs a program; `{name}` in its arguments is the file `name` in the chain's folder.
@@ -58,7 +60,9 @@ impl<'a> Chain<'a> {
         let shown: Vec<String> = typed.iter().map(|w| if w.contains(' ') { format!("'{w}'") } else { w.clone() }).collect();
         self.say(&format!("$ {}", shown.join(" ")))?;
         let mut printed = Vec::new();
-        program(&typed, &mut printed)?;
+        if program(&typed, &mut printed)? == Outcome::DataLost {
+            self.outcome = Outcome::DataLost;
+        }
         self.say(&String::from_utf8_lossy(&printed))
     }
 
@@ -70,6 +74,15 @@ impl<'a> Chain<'a> {
         let line = format!("{text}\n");
         self.transcript += &line;
         raven::cli::print(&mut self.out, &line)
+    }
+
+    /// Leaves what was typed and printed in the folder as `name`; data that any step lost is lost to the chain.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish(self, name: &str) -> Result<Outcome> {
+        files::write_atomic(&self.folder.join(name), self.transcript.as_bytes())?;
+        Ok(self.outcome)
     }
 }
 
@@ -128,6 +141,17 @@ pub fn diagnose(typed: &[String], out: &mut dyn Write) -> Result<Outcome> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn data_that_a_step_lost_are_lost_to_the_chain() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut nowhere = Vec::new();
+        let mut chain = Chain::begin(folder.path(), &mut nowhere).unwrap();
+        let (whole, torn): (Program, Program) = (|_, _| Ok(Outcome::Done), |_, _| Ok(Outcome::DataLost));
+        [whole, torn, whole].iter().for_each(|program| chain.step("raven-any", *program, "{robot.yaml}").unwrap());
+        assert_eq!(chain.finish("typed.txt").unwrap(), Outcome::DataLost);
+        assert!(files::read_text(&folder.path().join("typed.txt")).unwrap().contains("$ raven-any"));
+    }
 
     #[test]
     fn a_folder_of_a_recording_day_is_left_as_it_is() {

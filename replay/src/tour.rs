@@ -76,8 +76,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         started.elapsed().as_secs_f64(),
         folder.display()
     ))?;
-    files::write_atomic(&folder.join("tour.txt"), chain.transcript.as_bytes())?;
-    Ok(Outcome::Done)
+    chain.finish("tour.txt")
 }
 
 /// What identification found beside what the simulation had hidden.

@@ -15,11 +15,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use raven::Result;
 use raven::cli::{self, Outcome};
 use raven::filter::{BiasStates, Friction, Wander};
 use raven::log::Recording;
 use raven::robot::Robot;
-use raven::{Result, files};
 use serde::Serialize;
 
 use crate::chain::{Chain, capture};
@@ -98,10 +98,10 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     chain.say(&occlusion.text())?;
     let seconds = started.elapsed().as_secs_f64();
     chain.say(&format!("All experiments took {seconds:.0} s. Logs, tables and figures are in {}.", folder.display()))?;
-    files::write_atomic(&folder.join("paper.txt"), chain.transcript.as_bytes())?;
+    let outcome = chain.finish("paper.txt")?;
     let report = Report { seed: args.seed, quick: args.quick, parameters, trials, occlusion, seconds };
     cli::write_json(&folder.join("paper.json"), &report)?;
-    Ok(Outcome::Done)
+    Ok(outcome)
 }
 
 /// Nine states that skip what is hidden.
