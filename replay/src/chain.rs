@@ -7,9 +7,10 @@ use clap::Parser;
 use raven::cli::Outcome;
 use raven::robot::nominal;
 use raven::{Error, Result, files};
+use serde_json::Value;
 
-/// What every run leaves in its folder.
-const TRUTH: &str = "truth.json";
+/// What every run leaves in its folder: what was hidden.
+pub const TRUTH: &str = "truth.json";
 
 /// The words of a command as they are typed; `{name}` is the file `name` in a folder.
 #[must_use]
@@ -84,6 +85,14 @@ impl<'a> Chain<'a> {
         files::write_atomic(&self.folder.join(name), self.transcript.as_bytes())?;
         Ok(self.outcome)
     }
+}
+
+/// Reads what a step has left for machines.
+///
+/// # Errors
+/// If the file cannot be read or is no JSON.
+pub fn read_json(path: &Path) -> Result<Value> {
+    serde_json::from_str(&files::read_text(path)?).map_err(|e| Error::file(path, format!("is no JSON: {e}.")))
 }
 
 fn parse<A: Parser>(typed: &[String]) -> Result<A> {

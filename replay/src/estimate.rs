@@ -61,7 +61,8 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
     Ok((estimates, filter))
 }
 
-fn track(track: &JointTrack) -> Estimate {
+/// The positions of a track.
+pub(crate) fn track(track: &JointTrack) -> Estimate {
     Estimate { time_s: track.time_s.clone(), joints: track.joints.clone() }
 }
 

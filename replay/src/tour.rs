@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use raven::cli::Outcome;
 use raven::robot::{Robot, nominal};
-use raven::{Error, Result, files};
+use raven::{Error, Result};
 
-use crate::chain::{Chain, calibrate, capture, diagnose, identify, replay, track};
+use crate::chain::{Chain, TRUTH, calibrate, capture, diagnose, identify, read_json, replay, track};
 
 /// Simulates a lab session with hidden errors and runs the whole chain on it.
 ///
@@ -81,9 +81,8 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 
 /// What identification found beside what the simulation had hidden.
 fn against_truth(folder: &Path) -> Result<String> {
-    let path = folder.join("truth.json");
-    let truth: serde_json::Value =
-        serde_json::from_str(&files::read_text(&path)?).map_err(|e| Error::file(&path, format!("is no JSON: {e}.")))?;
+    let path = folder.join(TRUTH);
+    let truth = read_json(&path)?;
     let identified = Robot::read(&folder.join("identified.yaml"))?;
     let radius = identified.joints.first().map_or(f64::NAN, |j| j.link_pulley_radius);
     let hidden = truth.pointer("/link_pulley_radius_m/shoulder").and_then(serde_json::Value::as_f64);

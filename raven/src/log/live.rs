@@ -88,8 +88,7 @@ pub fn complete(path: &Path, good_bytes: u64) -> Result<()> {
 pub(super) fn rename(active: &Path, path: &Path) -> Result<()> {
     std::fs::rename(active, path).map_err(|e| Error::io(path, "rename to", e))?;
     // The name is on the disk when its folder is.
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(|e| Error::io(path, "sync", e))
+    File::open(files::folder_of(path)).and_then(|folder| folder.sync_all()).map_err(|e| Error::io(path, "sync", e))
 }
 
 /// The end of a file without an index: the end of its data, a footer that points nowhere, and the magic bytes.

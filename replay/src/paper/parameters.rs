@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use raven::Result;
 use raven::robot::Robot;
-use raven::{Error, Result, files};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::chain::{Chain, identify};
+use crate::chain::{self, Chain, TRUTH, identify};
 
 /// The shoulder's ratio, what the two softer cables and their friction make of load and reversals, and the cameras' latency.
 const SINUSOID: &str = "r_l1,k_e2,k_e3,F_c2,hysteresis_3,rounding_3,latency";
@@ -46,8 +46,7 @@ impl Parameters {
         chain.step("raven-identify", identify, &format!("{{sinusoid.mcap}} {files} {traces}"))?;
         chain.say("Experiment B: cable parameters from a task motion")?;
         chain.step("raven-identify", identify, &format!("{{fls.mcap}} {files} --parameters {TASK} -o {{b.yaml}}"))?;
-        let path = folder.join("truth.json");
-        let truth: Value = serde_json::from_str(&files::read_text(&path)?).map_err(|e| Error::file(&path, format!("is no JSON: {e}.")))?;
+        let truth = chain::read_json(&folder.join(TRUTH))?;
         let mut found = Vec::new();
         for (experiment, file) in [("A", "a.yaml"), ("B", "b.yaml")] {
             let robot = Robot::read(&folder.join(file))?;

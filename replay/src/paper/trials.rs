@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::{figures, read};
 use crate::FilterKind;
 use crate::errors::{ErrorSeries, JointErrors};
-use crate::estimate::{Settings, estimate};
+use crate::estimate::{Settings, estimate, track};
 
 /// The estimates that are compared, in the order of the tables.
 pub const ESTIMATES: [&str; 5] = ["as recorded", "kinematics", "six states", "nine states", "smoother"];
@@ -108,7 +108,7 @@ impl Trials {
             if trial == 1 {
                 figures::over_time(folder, robot, &recording, &estimates, &nine_run)?;
             }
-            let six = crate::errors::Estimate { time_s: six_run.filtered.time_s.clone(), joints: six_run.filtered.joints.clone() };
+            let six = track(&six_run.filtered);
             let errors: TrialErrors = [0, 1, 2].map(|j| {
                 let joint = JointErrors::new(&estimates, reference, j);
                 let six = JointErrors::against(&six, reference, j);
