@@ -113,7 +113,8 @@ pub fn chi_square_mean_band(degrees: f64, count: f64) -> Option<[f64; 2]> {
 }
 
 /// How many independent values the mean of a correlated series is worth: `N / (1 + 2 sum rho_k)`, the sum over pairs of lags as long as
-/// they stay positive (Geyer 1992, initial positive sequence). `None` of fewer than two values or values all alike.
+/// they stay positive (Geyer 1992, initial positive sequence); from one to `N`, also where neighbours make up for each other. `None` of fewer
+/// than two values or values all alike.
 #[must_use]
 pub fn effective_count(values: &[f64]) -> Option<f64> {
     let (mean, _) = moments(values)?;
@@ -125,7 +126,9 @@ pub fn effective_count(values: &[f64]) -> Option<f64> {
     }
     // Pairs (0, 1), (2, 3), ...; the sum of all is half of one more than twice the sum of the correlations.
     let pairs = (0..n / 2).map(|k| (covariance(2 * k) + covariance(2 * k + 1)) / power).take_while(|&pair| pair > 0.0);
-    Some((n as f64 / (2.0 * pairs.sum::<f64>() - 1.0)).clamp(1.0, n as f64))
+    // Below one it is the swing from value to value, which makes none worth more than itself.
+    let alike = (2.0 * pairs.sum::<f64>() - 1.0).max(1.0);
+    Some((n as f64 / alike).max(1.0))
 }
 
 /// Probability that a standard normal variable is below `x`.
@@ -183,6 +186,21 @@ mod tests {
         assert!(TTest::paired(&[1.0, 2.0], &[1.0, 2.0]).is_none());
         assert!(rms(&[]).is_none() && median(&[f64::NAN]).is_none());
         assert_eq!(median(&[3.0, 1.0, f64::NAN, 2.0]), Some(2.0));
+    }
+
+    #[test]
+    fn values_that_swing_from_one_to_the_next_are_worth_no_more_than_their_number_and_no_less() {
+        // A deviation is made up for by its neighbours: correlation -2/3, and pairs of lags whose sum is one half, less or more by chance.
+        for seed in 0..20 {
+            let noise = |k: i32| ((f64::from(k + 1000 * seed) * 12.9898).sin() * 43_758.545).fract();
+            let swinging: Vec<f64> = (1..200).map(|k| noise(k - 1) - 2.0 * noise(k) + noise(k + 1)).collect();
+            assert_eq!(effective_count(&swinging), Some(199.0), "{seed}");
+        }
+        assert_eq!(effective_count(&[1.0, -2.0, 1.0]), Some(3.0));
+        // What only rises is worth very few.
+        let rising: Vec<f64> = (0..100).map(f64::from).collect();
+        assert!((1.0..10.0).contains(&effective_count(&rising).unwrap()));
+        assert_eq!(effective_count(&[2.0; 5]), None);
     }
 
     #[test]
