@@ -177,9 +177,9 @@ pub fn frame_stamps(path: &Path) -> Result<Vec<(Side, Stamp)>> {
                 readers.insert(channel.id, StampReader::new(channel));
             }
             Item::Message(message) => {
-                if let Some((side, _)) = cameras.decoders.get(&message.channel.id) {
+                if let Some((side, _)) = cameras.of(message.channel) {
                     let own = readers.get(&message.channel.id).and_then(|reader| reader.read(message.data));
-                    stamps.push((*side, own.unwrap_or(message.publish_time)));
+                    stamps.push((side, own.unwrap_or(message.publish_time)));
                 }
             }
             _ => {}
@@ -191,7 +191,7 @@ pub fn frame_stamps(path: &Path) -> Result<Vec<(Side, Stamp)>> {
     Ok(stamps)
 }
 
-/// The channels whose frames are taken: those of one topic per camera, as many as published on it.
+/// The channels whose frames are taken: those of the topic on which a camera has its first frame, as many as published on it.
 #[derive(Default)]
 struct Cameras {
     decoders: HashMap<u16, (Side, FrameDecoder)>,
@@ -204,16 +204,17 @@ impl Cameras {
     fn admit(&mut self, channel: &Channel) {
         self.topics.push(format!("`{}`", channel.topic));
         let Some(side) = topics::camera_of(&channel.topic) else { return };
-        if self.taken.get(&side).is_some_and(|taken| *taken != channel.topic) {
-            return;
-        }
         match FrameDecoder::new(channel) {
-            Ok(decoder) => {
-                self.taken.insert(side, channel.topic.clone());
-                self.decoders.insert(channel.id, (side, decoder));
-            }
+            Ok(decoder) => drop(self.decoders.insert(channel.id, (side, decoder))),
             Err(problem) => self.problem = Some(format!("`{}`: {problem}", channel.topic)),
         }
+    }
+
+    /// The camera of a channel that has a frame, and how to read it; `None` if the camera's frames are those of another topic.
+    fn of(&mut self, channel: &Channel) -> Option<(Side, &FrameDecoder)> {
+        let (side, decoder) = self.decoders.get(&channel.id)?;
+        let taken = self.taken.entry(*side).or_insert_with(|| channel.topic.clone());
+        (*taken == channel.topic).then_some((*side, decoder))
     }
 
     fn require_any(&self, path: &Path) -> Result<()> {
@@ -245,12 +246,12 @@ impl Frames {
             match item {
                 Item::Channel(channel) => cameras.admit(channel),
                 Item::Message(message) => {
-                    if let Some((side, decoder)) = cameras.decoders.get(&message.channel.id) {
+                    if let Some((side, decoder)) = cameras.of(message.channel) {
                         let unfit = || {
                             let topic = &message.channel.topic;
                             Error::file(path, format!("the message on `{topic}` at {} does not fit its definition.", message.publish_time))
                         };
-                        ready.push_back(decoder.decode(*side, &message).ok_or_else(unfit)?);
+                        ready.push_back(decoder.decode(side, &message).ok_or_else(unfit)?);
                     }
                 }
                 _ => {}

@@ -299,6 +299,8 @@ impl Stream {
 }
 
 fn camera_skew(streams: &BTreeMap<String, Stream>) -> Option<CameraSkew> {
-    let stamps = |side: Side| streams.get(topics::compressed(side)).or_else(|| streams.get(topics::raw(side))).map(|stream| &stream.stamps);
+    // A stream may be announced and stay empty.
+    let of = |topic: &str| streams.get(topic).map(|stream| &stream.stamps).filter(|stamps| !stamps.is_empty());
+    let stamps = |side: Side| of(topics::compressed(side)).or_else(|| of(topics::raw(side)));
     CameraSkew::of(stamps(Side::Left)?, stamps(Side::Right)?)
 }

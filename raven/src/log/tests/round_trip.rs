@@ -92,6 +92,27 @@ fn frames_of_both_kinds() {
     assert_eq!(Recording::read(&path, &MotorSource::default()).unwrap().start, ms(0));
 }
 
+/// A driver announces a stream long before it sends anything on it, or never does.
+#[test]
+fn a_stream_without_frames_hides_none_that_has_them() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path).unwrap();
+    let schema = SchemaRef { name: "foxglove.CompressedImage", encoding: "protobuf", data: &[], message_encoding: "protobuf" };
+    log.add_channel(topics::LEFT_COMPRESSED, schema, &BTreeMap::new()).unwrap();
+    for i in 0..3 {
+        log.raw_image(Side::Left, ms(66 * i), 0, ("mono8", [2, 1], 2), &[1, 2]).unwrap();
+        log.raw_image(Side::Right, ms(66 * i + 2), 0, ("mono8", [2, 1], 2), &[3, 4]).unwrap();
+    }
+    // The kind that came first is taken.
+    log.compressed_image(Side::Right, ms(200), 0, &[0xff, 0xd8, 0xff, 0xd9]).unwrap();
+    log.finish().unwrap();
+    let of = |wanted: Side| frames(&path).unwrap().map(Result::unwrap).filter(|frame| frame.side == wanted).count();
+    assert_eq!((of(Side::Left), of(Side::Right)), (3, 3));
+    assert_eq!(frame_stamps(&path).unwrap().len(), 6);
+    let survey = Survey::of(&path).unwrap();
+    assert_relative_eq!(survey.cameras.unwrap().right_minus_left_s, 0.002, epsilon = 1e-9);
+}
+
 #[test]
 fn a_log_is_copied_byte_for_byte() {
     let (folder, path) = place();
