@@ -1,11 +1,8 @@
 //! The motors' motion between samples: angles by linear interpolation, speeds over a short window, gaps known.
 
 use nalgebra::Vector3;
-use raven::robot::MotorTrack;
+use raven::robot::{HALF_WINDOW_S, MotorTrack};
 use raven::stats::median;
-
-/// Half of the window over which a speed is taken [s]: a count of the encoder is then 1e-3 of the slowest speed that matters.
-const HALF_WINDOW_S: f64 = 0.02;
 
 /// Motor angles of one recording.
 #[derive(Debug, Clone)]

@@ -126,8 +126,6 @@ fn scale(unit: &str, expected: &str) -> Option<f64> {
         ("mm", "m") | ("ms", "s") => Some(1e-3),
         ("%", "1") => Some(1e-2),
         ("ppm", "s/s") => Some(1e-6),
-        // What the library calls by the kind of the joint: rad/rad or m/rad of a coupling.
-        ("rad/rad" | "m/rad", "joint/rad") => Some(1.0),
         _ => None,
     }
 }

@@ -10,14 +10,10 @@
 use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
-use raven::simulation::{Limits, Trajectory};
+use raven::simulation::{Limits, Sinusoid, Trajectory, multisine_hz};
 
 use super::motion::{Segment, Wave};
 
-/// Frequencies of the multisine [Hz].
-const LOWEST_HZ: f64 = 0.07;
-const HIGHEST_HZ: f64 = 4.6;
-const LINES: usize = 6;
 /// Part of the range that the multisine's lines and reversals may sweep.
 const SWEEP: f64 = 0.04;
 /// Phases that never line up: the golden section of a turn.
@@ -79,18 +75,18 @@ impl Candidate {
             let walk = |path: Trajectory, own: f64| path.then(0.3 * step_s, 0.7 * step_s, pose(own));
             stops.into_iter().fold(Trajectory::rest(pose(0.13)), walk)
         };
-        let line = |line: usize| {
-            let frequency_hz = LOWEST_HZ * (HIGHEST_HZ / LOWEST_HZ).powf(line as f64 / (LINES - 1) as f64);
-            let by_speed = speed_max / (LINES as f64 * TAU * frequency_hz);
+        let lines_hz = multisine_hz();
+        let line = |(line, &frequency_hz): (usize, &f64)| {
+            let by_speed = speed_max / (lines_hz.len() as f64 * TAU * frequency_hz);
             let phase = Vector3::from_fn(|j, _| TAU * GOLDEN * (3 * line + j) as f64);
             Wave { frequency_hz: Vector3::repeat(frequency_hz), amplitude: by_speed.inf(&(range * (0.6 * SWEEP))), phase }
         };
-        let multisine = (0..LINES).map(line).collect();
+        let multisine = lines_hz.iter().enumerate().map(line).collect();
         let (path, waves) = match self {
             Self::Sinusoid => {
-                let amplitude = range.component_mul(&Vector3::new(26.0 / 90.0, 0.25, 0.15));
-                let wave = Wave { frequency_hz: Vector3::new(0.11, 0.083, 0.13), amplitude, phase: Vector3::zeros() };
-                (Trajectory::rest(at([0.5, 0.5, 0.3])), vec![wave])
+                let amplitude = range.component_mul(&Vector3::from(Sinusoid::SWING));
+                let wave = Wave { frequency_hz: Sinusoid::HZ.into(), amplitude, phase: Vector3::zeros() };
+                (Trajectory::rest(at(Sinusoid::CENTRE)), vec![wave])
             }
             Self::Poses(joint, part) => (poses(joint, part), Vec::new()),
             Self::ShakenPoses(joint, part) => (poses(joint, part), multisine),

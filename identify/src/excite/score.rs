@@ -8,6 +8,7 @@ use raven::Result;
 use raven::robot::{MotorTrack, Observation, Robot};
 use rayon::prelude::*;
 
+use crate::batch::forward_difference;
 use crate::identifiability::cramer_rao;
 use crate::motion::Motion;
 use crate::prediction::Predictor;
@@ -18,8 +19,6 @@ use crate::problem::Problem;
 const CAMERA_M: Vector3<f64> = Vector3::new(1e-4, 1.5e-3, 1e-4);
 /// Noise of joint encoders [rad, rad, m]: a step of 80 000 per turn, and 5 um (the paper's reference encoders).
 const ENCODER: Vector3<f64> = Vector3::new(7.85e-5, 7.85e-5, 5e-6);
-/// Step of the difference quotients, in prior deviations.
-const DIFFERENCE: f64 = 1e-3;
 /// Time at the ends of a motion in which nothing counts [s]: a latency reaches beyond them.
 const MARGIN_S: f64 = 0.1;
 
@@ -41,12 +40,9 @@ pub fn information(robot: &Robot, unknowns: &[Unknown], track: &MotorTrack, sens
     let Some(motion) = Motion::new(track.clone(), f64::INFINITY) else { return Ok(DMatrix::zeros(n, n)) };
     let problem = Problem::new(robot, unknowns, &[])?;
     let measured = |z: &DVector<f64>| measured(&problem.robot(z), &motion, sensor);
-    let here = measured(&DVector::zeros(n))?;
-    let column = |k: usize| -> Result<Vec<Vector3<f64>>> {
-        let mut z = DVector::zeros(n);
-        z[k] = DIFFERENCE;
-        Ok(measured(&z)?.iter().zip(&here).map(|(a, b)| (a - b) / DIFFERENCE).collect())
-    };
+    let z = DVector::zeros(n);
+    let here = measured(&z)?;
+    let column = |k: usize| forward_difference(measured, &here, &z, k);
     Ok(cramer_rao::information(&(0..n).into_par_iter().map(column).collect::<Result<_>>()?))
 }
 

@@ -26,7 +26,7 @@ pub use keys::Change;
 pub use kinematics::{ArmSide, Branch, Kinematics};
 pub use link_model::{LinkModel, LinkState, STICTION_SPEED, stiction_speed};
 pub use listed::{Cables, ListedEffect, MotorLaw, MotorLaws, TensionLaw, wound, wound_by};
-pub use rollout::{MotorTrack, PAUSE_MAX_S, SteadyMotion};
+pub use rollout::{HALF_WINDOW_S, MotorTrack, PAUSE_MAX_S, SteadyMotion};
 pub use transmission::Transmission;
 
 use crate::{Error, Result};

@@ -28,8 +28,8 @@ pub struct SteadyMotion {
 /// Longest pause between motor samples that is bridged [s]; beyond it whatever follows the motion starts anew.
 pub const PAUSE_MAX_S: f64 = 0.5;
 
-/// Half of the window over which a motor's motion is steady [s].
-const HALF_WINDOW_S: f64 = 0.02;
+/// Half of the window over which a motor's motion is steady [s]: a count of the encoder is then 1e-3 of the slowest speed that matters.
+pub const HALF_WINDOW_S: f64 = 0.02;
 
 impl MotorTrack {
     /// Times within the track that are `stride_s` apart as counted from its start, but for those in pauses: as many as there are samples to

@@ -32,7 +32,7 @@ pub use effect::{Effect, EffectKind, Scope, Value};
 pub use folder::{CAMERAS, LABELS, LABELS_SUM, Label, LabelEffect, Labels, Magnitude, SealedFolder};
 pub use lot::{Case, Lot, sealed_set};
 pub use machine::{Drive, Load, Machine};
-pub use motion::{Limits, Motion, Trajectory, minimum_jerk};
+pub use motion::{Limits, Motion, Sinusoid, Trajectory, minimum_jerk, multisine_hz};
 pub use off_nominal::{SEALED_FACTOR, deviations};
 pub use options::Options;
 pub use outside::{Bulge, Bump, Contact, Outside, Sway, Wander};

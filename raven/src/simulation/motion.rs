@@ -158,14 +158,13 @@ impl Trajectory {
     }
 
     fn sinusoid(range: &Range) -> Self {
-        let start = range.at([0.50, 0.50, 0.30]);
-        let swing = range.size([26.0 / 90.0, 0.25, 0.15]);
-        let line = |j: usize, frequency_hz: f64| {
+        let swing = range.size(Sinusoid::SWING);
+        let line = |j: usize| {
             let mut amplitude = Vector3::zeros();
             amplitude[j] = swing[j];
-            Line { frequency_hz, amplitude, phase: Vector3::zeros() }
+            Line { frequency_hz: Sinusoid::HZ[j], amplitude, phase: Vector3::zeros() }
         };
-        Self { lines: vec![line(0, 0.11), line(1, 0.083), line(2, 0.13)], fade_s: 2.0, ..Self::rest(start) }
+        Self { lines: (0..3).map(line).collect(), fade_s: 2.0, ..Self::rest(range.at(Sinusoid::CENTRE)) }
     }
 
     /// Rounds of reaching, lowering, working, lifting and carrying between stations; every round has its own pace.
@@ -217,12 +216,31 @@ impl Trajectory {
     }
 }
 
-/// Six lines from 0.07 to 4.6 Hz with equal peak speeds, a few thousandths of the range at the fastest.
+/// The lab's sinusoid; shoulder, elbow and insertion each have a sine of their own.
+#[derive(Debug, Clone, Copy)]
+pub struct Sinusoid;
+
+impl Sinusoid {
+    /// About what part of their ranges the joints swing.
+    pub const CENTRE: [f64; 3] = [0.50, 0.50, 0.30];
+    /// To either side, as a part of the range.
+    pub const SWING: [f64; 3] = [26.0 / 90.0, 0.25, 0.15];
+    /// [Hz].
+    pub const HZ: [f64; 3] = [0.11, 0.083, 0.13];
+}
+
+/// Frequencies of a multisine [Hz]: six from 0.07 to 4.6, each as many times the one before.
+#[must_use]
+pub fn multisine_hz() -> [f64; 6] {
+    let (lowest_hz, highest_hz) = (0.07_f64, 4.6_f64);
+    std::array::from_fn(|i| lowest_hz * (highest_hz / lowest_hz).powf(i as f64 / 5.0))
+}
+
+/// Lines with equal peak speeds, a few thousandths of the range at the fastest.
 fn multisine(range: &Range, rng: &mut impl Rng) -> Vec<Line> {
-    let (lowest_hz, highest_hz, count) = (0.07_f64, 4.6_f64, 6);
-    (0..count)
-        .map(|i| {
-            let frequency_hz = lowest_hz * (highest_hz / lowest_hz).powf(f64::from(i) / f64::from(count - 1));
+    multisine_hz()
+        .into_iter()
+        .map(|frequency_hz| {
             let part = (0.012 / frequency_hz).min(0.03);
             let phase = Vector3::from_fn(|_, _| rng.random_range(0.0..TAU));
             Line { frequency_hz, amplitude: range.size([part, part, 0.6 * part]), phase }
