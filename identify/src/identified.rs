@@ -3,7 +3,8 @@
 use raven::Result;
 use raven::robot::{Provenance, Robot};
 
-use crate::batch::Estimate;
+use crate::batch::{Estimate, IDENTIFIED_BELOW};
+use crate::parameters;
 use crate::priors::Unknown;
 use crate::problem::Turned;
 use crate::session::Session;
@@ -42,6 +43,28 @@ impl Finding {
         let moved = if quantity.is_positive() { (self.value / prior).ln() } else { self.value - prior };
         (moved / spread).abs()
     }
+}
+
+/// How the method of a number begins that `--add-effect` made.
+pub const BY_EFFECT: &str = "effect ";
+
+/// What the data left of a number's deviation, as a part of the one before; `None` if there was none before.
+///
+/// Both are of the place where the number was looked for: a factor that [`identified`] writes is known to a part of itself, and its two
+/// deviations are stated at the value and at the value before. Those of an effect are both stated at the value.
+#[must_use]
+pub fn left(entry: &Provenance, robot: &Robot) -> Option<f64> {
+    let is_factor = !entry.method.starts_with(BY_EFFECT)
+        && parameters::ALL.iter().any(|quantity| quantity.is_positive() && quantity.key(robot) == entry.key);
+    let [at_value, at_prior] = if is_factor { [entry.value, entry.prior] } else { [1.0; 2] };
+    let is_one = [entry.prior_std, at_value, at_prior].iter().all(|&number| number > 0.0);
+    is_one.then(|| (entry.std / at_value) / (entry.prior_std / at_prior))
+}
+
+/// Whether the data determined a number by what its deviations say.
+#[must_use]
+pub fn is_determined(entry: &Provenance, robot: &Robot) -> bool {
+    left(entry, robot).is_some_and(|left| left <= IDENTIFIED_BELOW)
 }
 
 /// What stands between a method and what is to be said of its result.

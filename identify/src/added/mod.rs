@@ -15,7 +15,7 @@ use raven::{Error, Result};
 use serde_json::json;
 
 use crate::args::Identify;
-use crate::batch::IDENTIFIED_BELOW;
+use crate::identified::{BY_EFFECT, is_determined};
 use diagnosis::Diagnosis;
 use request::Request;
 
@@ -82,7 +82,7 @@ fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robo
         let number =
             |values: &[f64]| -> Result<f64> { Ok(sited.added_to(robot, cameras, values)?.value_mut(&key).copied().unwrap_or_default()) };
         let [std, prior_std] = if is_measured { sized.deviations(after, number) } else { [0.0, tolerance(robot, sited, prior, number)?] };
-        lines.push(Provenance {
+        let mut line = Provenance {
             parameter: key.replace('.', "_"),
             key,
             unit: unit.to_owned(),
@@ -90,12 +90,14 @@ fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robo
             std,
             prior,
             prior_std,
-            identified: is_measured && std <= IDENTIFIED_BELOW * prior_std,
-            method: format!("effect {}", name(sited, robot)),
+            identified: false,
+            method: format!("{BY_EFFECT}{}", name(sited, robot)),
             logs: logs.clone(),
             // A report names its recordings, no more.
             sha256: vec![String::new(); logs.len()],
-        });
+        };
+        line.identified = is_measured && is_determined(&line, robot);
+        lines.push(line);
     }
     // Newest first: undoing them in order ends at the oldest prior.
     new.calibration.splice(0..0, lines);

@@ -7,8 +7,7 @@ use raven::{Error, Result};
 
 use super::constants::{COUPLINGS, Constants};
 use crate::args::Format;
-use crate::batch::IDENTIFIED_BELOW;
-use crate::identified::remark;
+use crate::identified::{is_determined, left, remark};
 
 /// How far a pulley may be from its drawing: cable and groove wear give a few per cent, another robot's pulley more.
 const RADIUS_OFF: f64 = 0.15;
@@ -57,7 +56,7 @@ impl Calibration {
                     ));
                 }
             }
-            let determined = entry.identified && entry.std <= IDENTIFIED_BELOW * entry.prior_std;
+            let determined = entry.identified && is_determined(entry, robot);
             if determined && value != entry.value {
                 return refuse(format!("{name} is {value}, but its calibration found {}; identify anew.", entry.value));
             }
@@ -84,8 +83,11 @@ impl Calibration {
                 ));
             }
             if undetermined.iter().all(|(key, _)| *key != entry.key) {
-                let left = format!("the log left {:.0} % of its deviation", 100.0 * entry.std / entry.prior_std);
-                let reason = if is_typed { "it was typed by hand" } else { left.as_str() };
+                let reason = match left(entry, robot) {
+                    None => "it has no deviation from before".to_owned(),
+                    Some(_) if is_typed => "it was typed by hand".to_owned(),
+                    Some(left) => format!("the log left {:.0} % of its deviation", 100.0 * left),
+                };
                 undetermined.push((entry.key.as_str(), format!("{} was not identified ({reason})", entry.parameter)));
             }
         }

@@ -7,9 +7,12 @@ use std::time::{Duration, Instant};
 
 use approx::assert_relative_eq;
 use clap::Parser;
+use raven::camera::Quality;
 use raven::cli::Outcome;
 use raven::robot::{Provenance, Robot, nominal};
-use raven_identify::{Args, run};
+use raven_identify::identified::{Finding, identified as with_findings};
+use raven_identify::parameters::{ALL, Selection};
+use raven_identify::{Args, priors, run};
 
 /// A lab's own file: gains in both styles, comments, odd spacing.
 const BASE: &str = "# our gains\n#   order matters\ngains_gold_kp:\n- 0.300\n- 0.300\n- 0.150\n- 0.00\n- 0.09\n- 0.05\n- 0.05\n- 0.05\n\n\
@@ -402,6 +405,41 @@ fn what_the_data_did_not_identify_is_refused() {
         robot.calibration.push(entry);
     });
     assert!(nothing.contains("nothing to export") && nothing.contains("100 %"), "{nothing}");
+    // Of no deviation nothing can be left.
+    for std in [0.0, 1e-3] {
+        let fixed = refused(&|robot| {
+            *robot = nominal::gold();
+            let mut entry = provenance("r_l1", "joints.shoulder.link_pulley_radius", 0.063095, 0.063095);
+            (entry.std, entry.prior_std) = (std, 0.0);
+            robot.calibration.push(entry);
+        });
+        assert!(fixed.contains("nothing to export: r_l1 was not identified (it has no deviation from before)"), "{fixed}");
+    }
+}
+
+/// A factor is known to a part of itself: of one that went up, more is left in SI units than half of what there was before.
+#[test]
+fn what_an_identification_determined_is_exported_whichever_way_it_went() {
+    let robot = nominal::gold();
+    let selection = Selection { quantities: ALL.into_iter().filter(|q| q.is_positive()).collect(), named: true };
+    let unknowns = priors::unknowns(&robot, &selection, &Quality::default()).unwrap();
+    let unknowns: Vec<_> = unknowns.into_iter().filter(|unknown| unknown.named).collect();
+    let export = |z: f64, std_z: f64, is_identified: bool| {
+        let finding = |unknown: &priors::Unknown| {
+            let value = if is_identified { unknown.value(z) } else { unknown.prior };
+            Finding { value, std: unknown.std(value, std_z), identified: is_identified, unknown: unknown.clone() }
+        };
+        let findings: Vec<Finding> = unknowns.iter().map(finding).collect();
+        Folder::new(&with_findings(&robot, &findings, &[], "batch", &[]).unwrap()).export("rosparam", None, "new.yaml")
+    };
+    for z in [0.8, 0.3, -0.8] {
+        let text = export(z, 0.49, true).unwrap();
+        assert!(unknowns.iter().all(|unknown| text.contains(&format!("      {}: [", unknown.quantity.name()))), "{text}");
+        // What a hand says of it does not count.
+        let error = export(z, 0.51, true).unwrap_err();
+        assert!(error.contains("r_l1 (joints.shoulder.link_pulley_radius) was not identified ("), "{error}");
+    }
+    assert!(export(0.0, 0.9, false).unwrap_err().contains("r_l1 was not identified (the log left 90 % of its deviation)"));
 }
 
 /// A log that says nothing of a number leaves what a log before it found.
