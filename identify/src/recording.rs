@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector3;
 use raven::camera::Cameras;
 use raven::log::{MotorSource, Recording, TipObservation, TipStatus};
+use raven::observation::TipCorrection;
 use raven::robot::{JointType, Robot};
 use raven::{Error, Result, files};
 
@@ -13,7 +14,8 @@ use crate::session::{Session, Sighting};
 
 /// Fewest sightings to estimate from: two seconds of a slow webcam.
 const SIGHTINGS_MIN: usize = 30;
-/// How far around a sighting, less the latency known so far, the motion must be known [s]: what the latency may still turn out to be.
+/// How far around the time that a sighting shows by what is known so far the motion must be known [s]: what the latency may still turn out
+/// to be.
 const MARGIN_S: f64 = 0.1;
 /// Motion [rad, m] below which a radius that is off by a tenth moves the tip by less than a camera sees.
 const MOVED: [f64; 2] = [0.0175, 0.002];
@@ -75,6 +77,7 @@ impl Recordings {
             return Err(Error::file(path, format!("the tip was not seen in any of {count} observations; see what `raven-track` says.")));
         }
         require_one_clock(path, &motion, &seen)?;
+        let correction = TipCorrection::of(robot, &robot.arm()?)?;
 
         let name = recording.name();
         self.lost.extend(recording.unusable());
@@ -82,7 +85,7 @@ impl Recordings {
         let (mut in_gaps, mut without_covariance) = (0, 0);
         let mut sightings = Vec::with_capacity(seen.len());
         for (time_s, tip) in seen {
-            let at = time_s - robot.observation.latency;
+            let at = correction.shown_at_s(time_s);
             if !motion.covers(at - MARGIN_S, at + MARGIN_S) {
                 // At the ends the motion is unknown in every recording, which loses nothing worth a word.
                 in_gaps += usize::from(at - MARGIN_S >= start && at + MARGIN_S <= end);

@@ -9,10 +9,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use raven::cli::Outcome;
 use raven::log::{LogWriter, Stamp, TipObservation, TipStatus, topics};
-use raven::robot::{MotorTrack, Robot, nominal};
+use raven::observation::TipCorrection;
+use raven::robot::{ListedEffect, MotorTrack, Robot, nominal};
 use raven_identify::args::Method;
 use raven_identify::motion::Motion;
 use raven_identify::prediction::Predictor;
+use raven_identify::recording::Recordings;
 use raven_identify::{Args, run};
 
 const START: Stamp = Stamp(1_700_000_000_000_000_000);
@@ -196,6 +198,23 @@ fn gaps_cost_the_sightings_next_to_them() {
     let sightings: usize = table.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!((265..275).contains(&sightings), "300 less 1.7 s of 15 Hz and the ends: {table}");
     assert!(table.contains("-5.2"), "{table}");
+}
+
+/// Clocks that run apart: the motion must be known where an image shows it.
+#[test]
+fn the_motion_is_known_wherever_a_sighting_is_used() {
+    let folder = Folder::new();
+    let mut robot = believed();
+    robot.effects.push(ListedEffect { id: "clock-drift".to_owned(), joint: None, values: [("rate".to_owned(), 1e-3)].into() });
+    Script { duration_s: 200.0, robot: |t| !(190.0..191.5).contains(&t), ..Script::good() }.write(&folder.path("log.mcap"));
+    let read = Recordings::read(&[folder.path("log.mcap")], &robot).unwrap();
+    let correction = TipCorrection::of(&robot, &robot.arm().unwrap()).unwrap();
+    let session = &read.sessions[0];
+    for sighting in &session.sightings {
+        let shown_s = correction.shown_at_s(sighting.time_s);
+        assert!(session.motion.covers(shown_s - 0.1, shown_s + 0.1), "the image of {} s shows {shown_s} s", sighting.time_s);
+    }
+    assert!((2970..2976).contains(&session.sightings.len()), "3000 less 1.7 s of 15 Hz and the ends: {}", session.sightings.len());
 }
 
 #[test]
