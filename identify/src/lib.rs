@@ -27,6 +27,7 @@ pub mod report;
 pub mod session;
 
 use std::io::Write;
+use std::path::Path;
 use std::time::Instant;
 
 pub use args::Args;
@@ -38,7 +39,7 @@ use problem::Problem;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
-use raven::{Result, files};
+use raven::{Error, Result, files};
 use recording::Recordings;
 use report::Report;
 
@@ -95,7 +96,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(path) = &args.output {
         let method = identified::remarked(args.method.name(), report.misfit());
         let new = identified::identified(&robot, &findings, problem.turned(), &method, &recordings.sessions)?;
-        cli::write_text(path, &new.to_yaml(), out)?;
+        write_robot(path, &new, out, "estimate it from another recording, or leave it out of --parameters")?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {
         let svg = trace.plot(&robot, &unknowns, |k| !unknowns[k].quantity.is_registration())?;
@@ -111,4 +112,12 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     recordings.lost.iter().chain(&hidden).chain(&report.warnings()).for_each(|sentence| cli::warn(sentence));
     Ok(if recordings.lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// Writes a robot file, unless no program could read it: estimates and effects may leave what a file can hold. The advice is for that case.
+pub(crate) fn write_robot(path: &Path, robot: &Robot, out: &mut dyn Write, advice: &str) -> Result<()> {
+    let text = robot.to_yaml();
+    let refused = |error| Error::Data(format!("{error} No program could read such a file, so nothing is written; {advice}."));
+    Robot::parse(path, &text).map_err(refused)?;
+    cli::write_text(path, &text, out)
 }

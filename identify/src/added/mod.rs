@@ -53,10 +53,7 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
             cli::warn(&format!("{id}: its moment is a part of one recording's length; the new file is for that recording alone."));
         }
     }
-    // What is written must be readable: the sentence about a number that is not comes from reading it.
-    let text = robot.to_yaml();
-    Robot::parse(output, &text)?;
-    cli::write_text(output, &text, out)?;
+    crate::write_robot(output, &robot, out, "take other values for the effects")?;
     let changes = before.changes_to(&robot);
     let listed = &robot.effects[before.effects.len()..];
     let report = {

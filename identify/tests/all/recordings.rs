@@ -217,6 +217,20 @@ fn the_motion_is_known_wherever_a_sighting_is_used() {
     assert!((2970..2976).contains(&session.sightings.len()), "3000 less 1.7 s of 15 Hz and the ends: {}", session.sightings.len());
 }
 
+/// Estimates can leave what a robot file may hold.
+#[test]
+fn a_file_that_could_not_be_read_again_is_not_written() {
+    let folder = Folder::new();
+    let mut robot = believed();
+    robot.observation.latency = 9.99;
+    robot.write(&folder.path("robot.yaml")).unwrap();
+    Script { duration_s: 30.0, clock_s: 10.0, ..Script::good() }.write(&folder.path("log.mcap"));
+    let error = folder.run(&["log.mcap", "--robot", "robot.yaml", "-o", "new.yaml", "--json", "result.json"]).unwrap_err();
+    assert!(error.contains("new.yaml") && error.contains("observation.latency is 10.0"), "{error}");
+    assert!(error.contains("nothing is written"), "{error}");
+    assert!(!folder.path("new.yaml").exists() && !folder.path("result.json").exists());
+}
+
 #[test]
 fn what_carries_no_estimate_is_refused_in_a_sentence() {
     let folder = Folder::new();
