@@ -122,21 +122,21 @@ impl Calibration {
         logs
     }
 
+    /// Whether a format carries the finding at a key.
+    #[must_use]
+    pub fn carries(&self, format: Format, key: &str) -> bool {
+        self.after.keys().iter().any(|known| known == key) || format == Format::Rosparam
+    }
+
     /// Sentences about what a format does not carry.
     #[must_use]
     pub fn left_out(&self, format: Format) -> Vec<String> {
         let mut sentences: Vec<String> = self.undetermined.iter().map(|what| format!("{what}; the number from before stays.")).collect();
-        let carried = |key: &str| {
-            key.starts_with("observation.")
-                || key.ends_with(".link_pulley_radius")
-                || key.ends_with(".hard_stop")
-                || key.starts_with("cable_coupling.")
-        };
-        if format != Format::Rosparam {
-            let without: Vec<&str> = self.identified.iter().filter(|e| !carried(&e.key)).map(|e| e.parameter.as_str()).collect();
-            if !without.is_empty() {
-                sentences.push(format!("the controller has no constant for {}; they are not in this file.", without.join(", ")));
-            }
+        // Where cameras stand is nothing that a controller could have.
+        let missed = |entry: &&Provenance| !self.carries(format, &entry.key) && !entry.key.starts_with("observation.");
+        let without: Vec<&str> = self.identified.iter().filter(missed).map(|entry| entry.parameter.as_str()).collect();
+        if !without.is_empty() {
+            sentences.push(format!("the controller has no constant for {}; they are not in this file.", without.join(", ")));
         }
         if format == Format::Defines && self.before.hard_stop != self.after.hard_stop {
             sentences.push("all arms share the constants of the hard stops: the header moves the other arm's too.".to_owned());

@@ -45,6 +45,24 @@ impl Constants {
         })
     }
 
+    /// Where the robot file has what these are made of: radii, hard stops and couplings.
+    #[must_use]
+    pub fn keys(&self) -> [String; 9] {
+        let of_joint = |j: usize, key: &str| format!("joints.{}.{key}", self.joints[j]);
+        std::array::from_fn(|i| match i {
+            0..3 => of_joint(i, "link_pulley_radius"),
+            3..6 => of_joint(i - 3, "hard_stop"),
+            _ => self.coupling_key(i - 6),
+        })
+    }
+
+    /// Where the robot file has the coupling that is number `c` of [`COUPLINGS`].
+    #[must_use]
+    pub fn coupling_key(&self, c: usize) -> String {
+        let (from, to) = COUPLINGS[c];
+        format!("cable_coupling.{}.{}", self.joints[from], self.joints[to])
+    }
+
     /// `gold` or `green`, as the controller's names end.
     #[must_use]
     pub fn arm_name(&self) -> &'static str {

@@ -53,8 +53,7 @@ pub fn header(calibration: &Calibration) -> String {
     }
     for (c, (from, to)) in COUPLINGS.into_iter().enumerate() {
         if before.coupling[c] != after.coupling[c] {
-            let key = format!("cable_coupling.{}.{}", after.joints[from], after.joints[to]);
-            header.comment(&format!("coupling_{}{}{}", from + 1, to + 1, deviation(calibration, &key)));
+            header.comment(&format!("coupling_{}{}{}", from + 1, to + 1, deviation(calibration, &after.coupling_key(c))));
             let number = |value: f64| format!("(float)({})", yaml_float(value));
             header.define(&format!("CABLE_COUPLING_{from}{to}"), &number(after.coupling[c]), &number(before.coupling[c]));
         }

@@ -15,7 +15,7 @@ use raven::{Error, Result};
 use serde_json::Value;
 
 use super::calibration::{Calibration, remarks};
-use super::constants::{COUPLINGS, Constants};
+use super::constants::Constants;
 
 /// Ratios of the unused joint, roll, wrist and jaws, which the toolkit does not calibrate: `defines.h` of the public controller.
 const TOOL_RATIO: [f64; 5] = [0.0, 5.395_18, 8.991_96, 8.991_96, 8.991_96];
@@ -93,11 +93,7 @@ fn lists(calibration: &Calibration) -> Result<[List; 3]> {
     let of_joint = |j: usize, key: &str| format!("joints.{}.{key}", after.joints[j]);
     let ratio = |j: usize| Number { key: of_joint(j, "link_pulley_radius"), value: after.ratio[j], compiled: compiled.ratio[j] };
     let hard_stop = |j: usize| Number { key: of_joint(j, "hard_stop"), value: after.hard_stop[j], compiled: compiled.hard_stop[j] };
-    let coupling = |c: usize| {
-        let (from, to) = COUPLINGS[c];
-        let key = format!("cable_coupling.{}.{}", after.joints[from], after.joints[to]);
-        Number { key, value: after.coupling[c], compiled: compiled.coupling[c] }
-    };
+    let coupling = |c: usize| Number { key: after.coupling_key(c), value: after.coupling[c], compiled: compiled.coupling[c] };
     Ok([
         List { key: format!("tr_{arm}"), numbers: std::array::from_fn(ratio), tool: &TOOL_RATIO },
         List { key: format!("cable_coupling_{arm}"), numbers: std::array::from_fn(coupling), tool: &[] },

@@ -167,3 +167,33 @@ fn a_factor_is_held_against_what_it_was_looked_for_as() {
         assert_relative_eq!(line.prior_std, 88_000.0 * factor * 1.4, max_relative = 1e-2);
     }
 }
+
+/// A coupling that the file has no number for is one of 0.
+#[test]
+fn a_coupling_that_the_file_lacks_is_exported_if_it_was_measured() {
+    let folder = Folder::new();
+    let mut old = nominal::gold();
+    old.cable_coupling.retain(|coupling| coupling.from != "elbow");
+    old.write(&folder.path("robot.yaml")).unwrap();
+    let added = |values: &str| {
+        folder.identify(&format!("--add-effect cable-coupling:elbow->insertion{values} --robot {{robot.yaml}} -o {{new.yaml}}"))
+    };
+    let export = || folder.identify("export {new.yaml} --format defines -o {new.h}");
+
+    let table = added("=0.004").unwrap();
+    assert!(table.contains("cable_coupling.elbow.insertion"), "{table}");
+    let error = export().unwrap_err();
+    assert!(error.contains("cable_coupling.elbow.insertion") && error.contains("typed by hand and not identified"), "{error}");
+
+    folder.report(&json!([blamed("cable-coupling", Some("elbow->insertion"), &[("coefficient", 0.004, 1e-4, "m/rad")])]));
+    added(" --diagnosis {report.json}").unwrap();
+    let new = folder.robot("new.yaml");
+    let line = &new.calibration[0];
+    assert_eq!((line.key.as_str(), line.value, line.prior, line.identified), ("cable_coupling.elbow.insertion", 0.004, 0.0, true));
+    assert_eq!(line.unit, "m/rad");
+    assert_eq!(new.before_calibration().cable_coupling_matrix().unwrap(), old.cable_coupling_matrix().unwrap());
+    export().unwrap();
+    let header = std::fs::read_to_string(folder.path("new.h")).unwrap();
+    assert!(header.contains("/* coupling_23: 0.004 +- "), "{header}");
+    assert!(header.contains("#define CABLE_COUPLING_12 (float)(0.004)"), "{header}");
+}

@@ -43,16 +43,23 @@ pub struct Change {
 }
 
 impl Robot {
-    /// The numbers in which `new` differs from this file, in the file's order. What follows from others (`motor_at_hard_stop`) is not
-    /// among them.
+    /// The numbers in which `new` differs from this file, in the file's order and then in that of `new`; a coupling that one of them lacks is
+    /// 0 there. What follows from others (`motor_at_hard_stop`) is not among them.
     #[must_use]
     pub fn changes_to(&self, new: &Self) -> Vec<Change> {
+        let mut keys = self.keys();
+        for key in new.keys() {
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
         let (mut old, mut new) = (self.clone(), new.clone());
+        let number = |robot: &mut Self, key: &str| robot.value_mut(key).copied().or(key.starts_with("cable_coupling.").then_some(0.0));
         let change = |(key, unit): (String, &'static str)| {
-            let (before, after) = (old.value_mut(&key).copied(), new.value_mut(&key).copied()?);
+            let (before, after) = (number(&mut old, &key), number(&mut new, &key)?);
             (before != Some(after)).then_some(Change { key, unit, before, after })
         };
-        self.keys().into_iter().filter_map(change).collect()
+        keys.into_iter().filter_map(change).collect()
     }
 
     /// Keys and units of the file's numbers.

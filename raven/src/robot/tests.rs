@@ -216,6 +216,19 @@ fn the_file_reads_back_as_it_was_written() {
 }
 
 #[test]
+fn a_coupling_that_one_file_lacks_is_one_of_zero() {
+    let with = nominal();
+    let mut without = with.clone();
+    without.cable_coupling.retain(|coupling| coupling.to != "elbow");
+    let key = "cable_coupling.shoulder.elbow";
+    for (one, other, [before, after]) in [(&without, &with, [0.0, 0.14545]), (&with, &without, [0.14545, 0.0])] {
+        let change = Change { key: key.to_owned(), unit: "rad/rad", before: Some(before), after };
+        assert_eq!(one.changes_to(other), [change]);
+    }
+    assert!(with.changes_to(&with).is_empty());
+}
+
+#[test]
 fn a_wrong_unit_or_key_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("robot.yaml");
