@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Parser, Subcommand, ValueEnum};
 use raven::{Error, Result, files};
 
+use crate::parameters::{Quantity, Selection};
+use crate::priors::Unknown;
 use crate::recursive::{self, Sharing};
 
 const EXAMPLES: &str = "\
@@ -182,6 +184,36 @@ impl Identify {
             (Method::Dual, _) => Some(Sharing::Dual(recursive::Horizon::Frame)),
             (Method::Joint, _) => Some(Sharing::Joint),
         })
+    }
+
+    /// What is looked for.
+    ///
+    /// # Errors
+    /// If a name is unknown, or the method cannot estimate what it stands for.
+    pub fn selection(&self) -> Result<Selection> {
+        let selection = self.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
+        let loops = |quantity: &&Quantity| matches!(quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_));
+        match selection.quantities.iter().find(loops) {
+            Some(hysteresis) if self.method != Method::Batch => Err(Error::Argument(format!(
+                "--parameters names {}, whose loop needs the whole log at once; take --method batch for it.",
+                hysteresis.name()
+            ))),
+            _ => Ok(selection),
+        }
+    }
+
+    /// Refuses a plot of nothing: it shows numbers of the robot and the latency.
+    ///
+    /// # Errors
+    /// If a plot is asked for and all `unknowns` are corrections of the registration.
+    pub fn plots(&self, unknowns: &[Unknown]) -> Result<()> {
+        if self.plot.is_some() && unknowns.iter().all(|unknown| unknown.quantity.is_registration()) {
+            return Err(Error::Argument(
+                "--plot shows no correction of the registration, and nothing else is estimated; add to --parameters, or leave --plot away."
+                    .to_owned(),
+            ));
+        }
+        Ok(())
     }
 
     /// The robot file.

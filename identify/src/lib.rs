@@ -34,7 +34,6 @@ pub use args::Args;
 use args::Command;
 use identifiability::Identifiability;
 use identified::Finding;
-use parameters::Selection;
 use problem::Problem;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
@@ -60,13 +59,15 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let start = Instant::now();
     args.apart()?;
     let has_table = args.has_table()?;
+    let sharing = args.sharing()?;
+    let selection = args.selection()?;
     let robot = Robot::read(args.robot()?)?;
     robot.arm()?;
-    files::distinct(args.logs()?)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let quality = cameras.as_ref().map_or_else(Quality::default, |cameras| cameras.quality);
-    let selection = args.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
     let mut unknowns = priors::unknowns(&robot, &selection, &quality)?;
+    args.plots(&unknowns)?;
+    files::distinct(args.logs()?)?;
     let recordings = {
         let spinner = cli::spinner("reading logs");
         let recordings = Recordings::read(args.logs()?, &robot);
@@ -77,10 +78,11 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
         cameras.warn_if_others_tracked(cameras_path, recordings.tracked.iter().cloned())?;
     }
     let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
+    args.plots(&unknowns)?;
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
     let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let spinner = cli::spinner("estimating");
-    let estimate = match args.sharing()? {
+    let estimate = match sharing {
         None => problem.estimate(&may_hold).map(|estimate| (estimate, None)),
         Some(sharing) => recursive::estimate(&mut problem, sharing, &may_hold).map(|(estimate, trace)| (estimate, Some(trace))),
     };

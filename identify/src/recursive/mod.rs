@@ -13,15 +13,14 @@ mod scatter;
 mod trace;
 
 use nalgebra::Matrix3;
+use raven::Result;
 use raven::stats::chi_square_quantile;
-use raven::{Error, Result};
 
 pub use dual::Horizon;
 pub use trace::{Trace, TracePoint};
 
 use crate::batch::{Estimate, Residuals};
 use crate::misfit::FALSE_CHANCE;
-use crate::parameters::Quantity;
 use crate::problem::Problem;
 
 /// How the filters share the work.
@@ -40,16 +39,8 @@ const FORGOTTEN_S: f64 = 1.0;
 /// not identified, as in [`crate::batch::estimate`].
 ///
 /// # Errors
-/// If the loop of a hysteresis is an unknown, or the model cannot be evaluated at the outcome.
+/// If the model cannot be evaluated at the outcome.
 pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> Result<(Estimate, Trace)> {
-    if let Some(hysteresis) =
-        problem.unknowns().iter().find(|unknown| matches!(unknown.quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_)))
-    {
-        let name = hysteresis.quantity.name();
-        return Err(Error::Argument(format!(
-            "--parameters names {name}, whose loop needs the whole log at once; take --method batch for it."
-        )));
-    }
     let run = match sharing {
         Sharing::Dual(horizon) => dual::run(problem, horizon)?,
         Sharing::Joint => joint::run(problem)?,

@@ -280,6 +280,19 @@ fn wrong_arguments_are_named() {
     assert!(wrong(&["log.mcap", "--robot", "robot.yaml", "--parameters", "r_l1,b_x"]).contains("`b_x`"));
     assert!(wrong(&["other.mcap", "--robot", "robot.yaml"]).contains("other.mcap"));
     assert!(wrong(&["log.mcap", "--robot", "robot.yaml", "--cameras", "robot.yaml"]).contains("robot.yaml"));
+    // Before any log is read.
+    let wrong_of_method = |more: &[&str]| wrong(&[&["other.mcap", "--robot", "robot.yaml"], more].concat());
+    assert!(wrong_of_method(&["--horizon", "step"]).contains("--horizon belongs to --method dual"));
+    assert!(wrong_of_method(&["--plot", "plot.svg"]).contains("a batch has none"));
+    for method in ["dual", "joint"] {
+        let whole = wrong_of_method(&["--method", method, "--parameters", "r_l1,rounding_3"]);
+        assert!(whole.contains("--parameters names rounding_3"), "{whole}");
+        let empty = wrong_of_method(&["--method", method, "--parameters", "registration", "--plot", "plot.svg"]);
+        assert!(empty.contains("--plot shows no correction of the registration"), "{empty}");
+    }
+    // What the log hides is known only then.
+    let hidden = wrong(&["log.mcap", "--robot", "robot.yaml", "--method", "dual", "--parameters", "b_e1", "--plot", "plot.svg"]);
+    assert!(hidden.contains("--plot shows no correction of the registration") && !folder.path("plot.svg").exists(), "{hidden}");
     let bench = "format: raven-robot/1\nname: bench\nkinematics: {kind: bench}\nsource: {topic: /x, format: joint_state}\njoints: []\n";
     std::fs::write(folder.path("bench.yaml"), bench).unwrap();
     assert!(wrong(&["log.mcap", "--robot", "bench.yaml"]).contains("bench.yaml"));
