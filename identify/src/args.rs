@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand, ValueEnum};
 use raven::{Error, Result, files};
+use serde::Serialize;
 
 use crate::parameters::{Quantity, Selection};
 use crate::priors::Unknown;
@@ -79,13 +80,17 @@ pub struct Export {
     /// The lab's own r2params.yaml, whose other lines stay as they are.
     #[arg(long, value_name = "FILE")]
     pub base: Option<PathBuf>,
-    /// File to write; what was there is kept as FILE.old; - for standard output.
+    /// File to write; what was there first is kept as FILE.old, later ones as FILE.old2, FILE.old3; - for standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// What was written, for scripts; - for standard output.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
 }
 
 /// What the controller loads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
 pub enum Format {
     /// The controller's parameter file with the calibrated lists added.
     R2params,
