@@ -65,6 +65,9 @@ pub struct Excite {
     /// Joint set points to write: CSV of time, shoulder, elbow and insertion in s, rad, rad and m; - for standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Result for scripts; - for standard output.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
 }
 
 /// Arguments of an export.

@@ -6,6 +6,7 @@
 
 pub mod candidates;
 pub mod motion;
+mod report;
 pub mod score;
 mod table;
 
@@ -26,6 +27,7 @@ use crate::parameters::Selection;
 use crate::priors::{self, Unknown};
 use candidates::{ALL, Candidate};
 use motion::{Plan, motors, speed_max};
+use report::{Line, Report};
 use score::{Sensor, information, ratios};
 
 /// Rate of the nominal cameras, and of faster ones that might replace them [Hz].
@@ -49,7 +51,9 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     if !(DURATION_S[0]..=DURATION_S[1]).contains(&args.duration) {
         return Err(Error::Argument(format!("--duration is {}, expected {} to {} s.", args.duration, DURATION_S[0], DURATION_S[1])));
     }
-    files::apart([&args.robot], &[("-o", args.output.as_deref())])?;
+    let outputs = [("-o", args.output.as_deref()), ("--json", args.json.as_deref())];
+    let has_table = cli::is_left_for_words(&outputs)?;
+    files::apart([&args.robot], &outputs)?;
     let robot = Robot::read(&args.robot)?;
     if matches!(robot.kinematics, KinematicsKind::Bench) {
         let message = "it is a bench (kinematics.kind: bench), and exciting motions are for an arm; give an arm's robot file.";
@@ -60,18 +64,21 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     let unknowns = priors::unknowns(&robot, &Selection::named(&names)?, &Quality::default())?;
     let spinner = cli::spinner("trying motions");
     let lab = Lab { robot: &robot, unknowns: &unknowns, limits, fastest: speed_max(&robot) };
-    let proposal = lab.proposal(args.duration);
-    let text = proposal.and_then(|proposal| {
-        if let Some(path) = &args.output {
-            raven::cli::write_text(path, &csv(&robot, &proposal.plan), out)?;
-            if path.as_os_str() == raven::cli::STANDARD_OUTPUT {
-                return Ok(String::new());
-            }
-        }
-        if args.table { table::table(&lab, &proposal, args.duration) } else { lab.report(&proposal, args.duration) }
+    let found = lab.proposal(args.duration).and_then(|proposal| {
+        let report = (args.json.is_some() || has_table && !args.table).then(|| lab.report(&proposal, args.duration)).transpose()?;
+        let text = match &report {
+            _ if !has_table => String::new(),
+            Some(report) if !args.table => report.text(),
+            _ => table::table(&lab, &proposal, args.duration)?,
+        };
+        Ok((proposal, report, text))
     });
     spinner.finish_and_clear();
-    cli::print(out, &text?)?;
+    let (proposal, report, text) = found?;
+    if let Some(path) = &args.output {
+        cli::write_text(path, &csv(&robot, &proposal.plan), out)?;
+    }
+    cli::results(out, &text, args.json.as_deref(), &report)?;
     Ok(Outcome::Done)
 }
 
@@ -126,7 +133,7 @@ impl Lab<'_> {
         information(self.robot, self.unknowns, &track, sensor)
     }
 
-    fn report(&self, proposal: &Proposal, duration_s: f64) -> Result<String> {
+    fn report(&self, proposal: &Proposal, duration_s: f64) -> Result<Report> {
         let plan = &proposal.plan;
         let sinusoid = Candidate::Sinusoid.segment(duration_s, &self.limits, &self.fastest);
         let before = self.information(duration_s, Sensor::Camera(CAMERA_HZ), |t| sinusoid.at(t))?;
@@ -134,52 +141,27 @@ impl Lab<'_> {
         let after = by(Sensor::Camera(CAMERA_HZ))?;
         let faster = by(Sensor::Camera(FAST_CAMERA_HZ))?;
         let encoders = &after + by(Sensor::JointEncoders(ENCODER_HZ))?;
-        let columns = [&before, &after, &faster, &encoders].map(ratios);
-        let mut text = format!(
-            "expected posterior/prior deviation; cameras: 0.1 mm across, 1.5 mm in depth, {CAMERA_HZ:.0} Hz\n\
-             {:<14} {:>12} {:>12} {:>14} {:>16}\n{:<14} {:>12} {:>12} {:>14} {:>16}\n",
-            "parameter",
-            "sinusoid",
-            "proposal",
-            "the same,",
-            "and with joint",
-            "",
-            format!("{duration_s:.0} s"),
-            format!("{:.0} s", plan.duration_s()),
-            format!("cameras {FAST_CAMERA_HZ:.0} Hz"),
-            "encoders"
-        );
-        for (k, unknown) in self.unknowns.iter().enumerate() {
-            let [before, after, faster, encoders] = columns.each_ref().map(|c| c[k]);
-            let _ = writeln!(
-                text,
-                "{:<14} {before:>12.3} {after:>12.3} {faster:>14.3} {encoders:>16.3}{}",
-                unknown.quantity.name(),
-                if after > IDENTIFIED_BELOW { "  not identified" } else { "" }
-            );
-        }
-        text.push_str("\nproposal:\n");
-        for (i, piece) in proposal.pieces.iter().enumerate() {
-            let _ = writeln!(text, "{:>3}. {}", i + 1, piece.name());
-        }
-        for (k, unknown) in self.unknowns.iter().enumerate().filter(|(k, u)| u.named && columns[1][*k] > IDENTIFIED_BELOW) {
-            let verdict = |ratio: f64| {
-                let would = if ratio <= IDENTIFIED_BELOW { "would" } else { "would not" };
-                format!("{would} ({ratio:.2})")
-            };
-            let repeated = match repetitions(&after, k) {
-                Some(count) => format!("it takes {count} repetitions of this motion"),
-                None => format!("{REPETITIONS_MAX} repetitions would not do either"),
-            };
-            let _ = writeln!(
-                text,
-                "{} is not identified by cameras of {CAMERA_HZ:.0} Hz: {repeated}. Cameras of {FAST_CAMERA_HZ:.0} Hz {}, joint encoders {}.",
-                unknown.quantity.name(),
-                verdict(columns[2][k]),
-                verdict(columns[3][k])
-            );
-        }
-        Ok(text)
+        let [before, proposed, faster, encoders] = [&before, &after, &faster, &encoders].map(ratios);
+        let line = |(k, unknown): (usize, &Unknown)| Line {
+            name: unknown.quantity.name(),
+            joint: unknown.quantity.joint(self.robot),
+            sinusoid: before[k],
+            proposal: proposed[k],
+            fast_cameras: faster[k],
+            joint_encoders: encoders[k],
+            identified: proposed[k] <= IDENTIFIED_BELOW,
+            repetitions: (proposed[k] > IDENTIFIED_BELOW).then(|| repetitions(&after, k)).flatten(),
+            named: unknown.named,
+        };
+        Ok(Report {
+            parameters: self.unknowns.iter().enumerate().map(line).collect(),
+            pieces: proposal.pieces.iter().map(|piece| piece.name()).collect(),
+            sinusoid_s: duration_s,
+            duration_s: plan.duration_s(),
+            camera_hz: CAMERA_HZ,
+            fast_camera_hz: FAST_CAMERA_HZ,
+            encoder_hz: ENCODER_HZ,
+        })
     }
 }
 

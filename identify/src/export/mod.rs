@@ -18,7 +18,7 @@ use raven::robot::{Provenance, Robot};
 use raven::{Error, Result, files};
 use serde::Serialize;
 
-use crate::args::{self, Export, Format};
+use crate::args::{Export, Format};
 use calibration::{Calibration, remarks};
 
 /// What `--json` writes.
@@ -69,7 +69,7 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
         return Err(Error::Argument("--base goes with --format r2params, whose gains it holds.".to_owned()));
     }
     let outputs = [("-o", Some(args.output.as_path())), ("--json", args.json.as_deref())];
-    args::has_table(&outputs)?;
+    cli::is_left_for_words(&outputs)?;
     files::apart(std::iter::once(&args.identified).chain(&args.base), &outputs)?;
     let robot = Robot::read(&args.identified)?;
     let calibration = Calibration::new(&args.identified, &robot)?;
@@ -89,7 +89,7 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
     if let Some((kept, contents)) = &old {
         files::write_atomic(kept, contents)?;
     }
-    crate::write(&args.output, &text, out)?;
+    cli::write_text(&args.output, &text, out)?;
     let warnings = warnings(args, &robot, &calibration);
     let carried = calibration.identified.iter().filter(|entry| calibration.carries(args.format, &entry.key));
     let written = Written {

@@ -53,3 +53,32 @@ fn the_table_has_every_unknown_and_motion() {
     assert_eq!(table.lines().count(), 2 + 2 + 6, "{table}");
     assert!(table.contains("| `b_e1` | % |"), "{table}");
 }
+
+#[test]
+fn a_script_reads_what_people_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let json = folder.path().join("result.json");
+    let arguments = ["--parameters", "k_e2,b_e1", "--json"];
+    let report = excite(folder.path(), &[&arguments[..], &[json.to_str().unwrap()]].concat());
+    let text = std::fs::read_to_string(&json).unwrap();
+    let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let parameters = result["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 8);
+    for parameter in parameters {
+        let read = ratios(&report, parameter["name"].as_str().unwrap());
+        for (key, read) in ["sinusoid", "proposal", "fast_cameras", "joint_encoders"].into_iter().zip(read) {
+            assert!((parameter[key].as_f64().unwrap() - read).abs() < 5.1e-4, "{key} of {parameter}: {report}");
+        }
+        assert_eq!(parameter["identified"].as_bool(), Some(parameter["proposal"].as_f64().unwrap() <= 0.5));
+    }
+    let [stiffness, damping] = [0, 1].map(|k| &parameters[k]);
+    assert_eq!((stiffness["name"].as_str(), stiffness["joint"].as_str()), (Some("k_e2"), Some("elbow")));
+    assert!(
+        stiffness["repetitions"].is_null() && report.contains(&format!("it takes {} repetitions", damping["repetitions"])),
+        "{damping}"
+    );
+    assert_eq!(result["pieces"].as_array().unwrap().len(), 1);
+    assert!((result["duration_s"].as_f64().unwrap() - 12.0).abs() < 0.2 && result["camera_hz"].as_f64() == Some(15.0));
+
+    assert_eq!(excite(folder.path(), &[&arguments[..], &["-"]].concat()), text);
+}
