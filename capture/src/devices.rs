@@ -20,6 +20,7 @@ use crate::camera::modes::OfferedMode;
 use crate::camera::{CameraFault, Driver, Opened, Selector, offered};
 use crate::record::args::{CameraArgs, positive};
 use crate::record::source::Counts;
+use crate::record::stop::Stop;
 use crate::record::writer::free_bytes;
 use crate::robot_trial::{disagreement, is_clock_kept, robot_trial};
 use crate::ros1::TopicAddress;
@@ -31,6 +32,8 @@ const PROBE_BYTES: usize = 64 << 20;
 const DISK_MARGIN: f64 = 2.0;
 /// The rate may fall short of the mode by so much.
 const RATE_SHORTFALL: f64 = 0.02;
+/// How soon a camera's trial notices that it is to end.
+const GLANCE: Duration = Duration::from_millis(100);
 /// An exposure longer than this part of the interval leaves no time to read the sensor.
 const EXPOSURE_PART: f64 = 0.9;
 
@@ -63,7 +66,7 @@ pub struct DeviceArgs {
 /// Lists and tries cameras.
 ///
 /// # Errors
-/// If the disk cannot be written to.
+/// If it is stopped before the end, or the disk cannot be written to.
 pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Result<Outcome> {
     let devices = devices(Path::new(SYSFS));
     let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, &devices, offered(&device.path)?))).collect();
@@ -79,10 +82,12 @@ pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Resul
         cameras.extend(all);
     }
     let time = Duration::try_from_secs_f64(args.seconds).map_err(|_| Error::Argument("--seconds is too long.".to_owned()))?;
-    let mut preflight = Preflight::run(present, cameras, time, &args.folder)?;
+    let stop = Stop::on_signals()?;
+    let stopped = || stop.asked();
+    let mut preflight = Preflight::run(present, cameras, time, &args.folder, &stopped)?;
     preflight.clock_kept = is_clock_kept();
     if let Some(address) = &args.robot {
-        preflight.try_robot(address, time)?;
+        preflight.try_robot(address, time, &stopped)?;
     }
     preflight.problems.iter().for_each(|sentence| cli::warn(sentence));
     cli::results(out, &preflight.render(), json, &preflight)?;
@@ -135,6 +140,9 @@ pub struct Preflight {
     pub problems: Vec<String>,
 }
 
+/// Whether the user has asked for the end.
+pub type Stopped<'a> = dyn Fn() -> bool + Sync + 'a;
+
 /// A device that gives images.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Present {
@@ -161,13 +169,20 @@ impl Preflight {
     /// Runs cameras together for so long, and tries the disk of `folder`.
     ///
     /// # Errors
-    /// If the disk cannot be written to.
-    pub fn run(devices: Vec<Present>, cameras: Vec<(String, Box<dyn Driver>)>, time: Duration, folder: &Path) -> Result<Self> {
+    /// If it is `stopped` before the end, when all cameras are put back, or the disk cannot be written to.
+    pub fn run(
+        devices: Vec<Present>,
+        cameras: Vec<(String, Box<dyn Driver>)>,
+        time: Duration,
+        folder: &Path,
+        stopped: &Stopped,
+    ) -> Result<Self> {
         let trials: Vec<(String, Result<CameraTrial, CameraFault>)> = thread::scope(|scope| {
-            let running = cameras.into_iter().map(|(name, driver)| (name.clone(), scope.spawn(move || trial(name, driver, time))));
+            let running = cameras.into_iter().map(|(name, driver)| (name.clone(), scope.spawn(move || trial(name, driver, time, stopped))));
             let running: Vec<_> = running.collect();
             running.into_iter().map(|(name, thread)| (name, thread.join().unwrap_or(Err(CameraFault::Broken)))).collect()
         });
+        go_on(stopped)?;
         let (disk_bytes_per_second, free_bytes) = (disk_speed(folder)?, free_bytes(&folder.join("session.mcap"))?);
         let (cameras, problems) = (Vec::new(), Vec::new());
         let mut preflight = Self { devices, cameras, robot: None, clock_kept: None, disk_bytes_per_second, free_bytes, problems };
@@ -191,8 +206,9 @@ impl Preflight {
         Ok(preflight)
     }
 
-    fn try_robot(&mut self, address: &TopicAddress, time: Duration) -> Result<()> {
-        let counts = robot_trial(address, time)?;
+    fn try_robot(&mut self, address: &TopicAddress, time: Duration, stopped: &Stopped) -> Result<()> {
+        let counts = robot_trial(address, time, stopped)?;
+        go_on(stopped)?;
         let topic = &address.topic;
         if counts.received == 0 {
             self.problems.push(format!("{topic}: no message came."));
@@ -277,14 +293,18 @@ impl CameraTrial {
     }
 }
 
-/// Runs a camera for so long.
-fn trial(name: String, mut driver: Box<dyn Driver>, time: Duration) -> Result<CameraTrial, CameraFault> {
+fn go_on(stopped: &Stopped) -> Result<()> {
+    if stopped() { Err(Error::Data("stopped before everything was tried; the cameras are as they were.".to_owned())) } else { Ok(()) }
+}
+
+/// Runs a camera for so long, or until it is stopped.
+fn trial(name: String, mut driver: Box<dyn Driver>, time: Duration, stopped: &Stopped) -> Result<CameraTrial, CameraFault> {
     let Opened { mut stream, mode, record, notices } = driver.open()?;
     let (mut judge, mut frames) = (Judge::new(mode), FrameLosses::default());
     let (mut bytes, mut stamps, mut latencies) = (0_u64, Vec::new(), Vec::new());
     let until = Instant::now() + time;
-    while Instant::now() < until {
-        let Some(frame) = stream.next(until.saturating_duration_since(Instant::now()))? else { continue };
+    while Instant::now() < until && !stopped() {
+        let Some(frame) = stream.next(until.saturating_duration_since(Instant::now()).min(GLANCE))? else { continue };
         frames.take(&judge.take(&frame));
         bytes += frame.bytes.len() as u64;
         stamps.push(Stamp(frame.monotonic_ns()));

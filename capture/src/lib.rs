@@ -44,6 +44,18 @@ pub enum Command {
     Simulate(simulate::Args),
 }
 
+impl Command {
+    /// Whether cameras are opened, which must be put back: such a command ends by itself when it is stopped.
+    #[must_use]
+    pub const fn opens_cameras(&self) -> bool {
+        match self {
+            Self::Record(_) => true,
+            Self::Check(args) => args.devices.devices,
+            Self::Cut(_) | Self::Import(_) | Self::Simulate(_) => false,
+        }
+    }
+}
+
 /// Runs the program; the result goes to `out`.
 ///
 /// # Errors

@@ -6,7 +6,7 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     let args = raven_capture::Args::parse();
-    if !matches!(args.command, raven_capture::Command::Record(_)) {
+    if !args.command.opens_cameras() {
         raven::interrupted::leave_nothing();
     }
     raven::cli::exit(raven_capture::run(args, &mut std::io::stdout().lock()))

@@ -4,12 +4,14 @@
 //! from stamp to arrival is the offset between the clocks, up to a fraction of a millisecond.
 
 use std::process::{Command, Stdio};
+use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 use raven::Result;
 
 use crate::clock::SessionClock;
+use crate::devices::Stopped;
 use crate::record::source::{Counters, Counts, Feed};
 use crate::record::topic::{Shared, TopicSource};
 use crate::ros1::{Node, Subscription, TopicAddress};
@@ -19,11 +21,14 @@ const AHEAD_S: f64 = 1e-3;
 /// The quickest of many messages is not under way for so long (s).
 const BEHIND_S: f64 = 0.05;
 
-/// Takes a topic's messages for so long, and throws them away.
+/// How soon the trial notices that it is to end.
+const GLANCE: Duration = Duration::from_millis(100);
+
+/// Takes a topic's messages for so long, or until it is stopped, and throws them away.
 ///
 /// # Errors
 /// If the master cannot be reached.
-pub fn robot_trial(address: &TopicAddress, time: Duration) -> Result<Counts> {
+pub fn robot_trial(address: &TopicAddress, time: Duration, stopped: &Stopped) -> Result<Counts> {
     let (feed, queue) = Feed::new();
     let (notices, _nobody) = mpsc::channel();
     let (counters, clock, until) = (Arc::new(Counters::default()), SessionClock::start(), Instant::now() + time);
@@ -32,7 +37,8 @@ pub fn robot_trial(address: &TopicAddress, time: Duration) -> Result<Counts> {
         TopicSource { recorded_as: address.topic.clone(), counters: Arc::clone(&counters), feed, clock, notices: notices.clone(), said };
     let wanted = Subscription { topic: address.topic.clone(), listener: Arc::new(Shared(Arc::new(source))) };
     let node = Node::start(address.master.clone(), vec![wanted], notices)?;
-    while Instant::now() < until && queue.recv_timeout(until.saturating_duration_since(Instant::now())).is_ok() {}
+    let left = || until.saturating_duration_since(Instant::now());
+    while !left().is_zero() && !stopped() && !matches!(queue.recv_timeout(left().min(GLANCE)), Err(RecvTimeoutError::Disconnected)) {}
     drop(node);
     Ok(counters.read())
 }

@@ -280,7 +280,7 @@ fn the_preflight_says_what_would_be_lost() {
         ("right".to_owned(), one(slow)),
         ("third".to_owned(), camera(MJPG, vec![Life::Absent])),
     ];
-    let preflight = Preflight::run(Vec::new(), cameras, Duration::from_millis(1600), folder.path()).unwrap();
+    let preflight = Preflight::run(Vec::new(), cameras, Duration::from_millis(1600), folder.path(), &|| false).unwrap();
     let rates: Vec<f64> = preflight.cameras.iter().map(|camera| camera.achieved_hz).collect();
     assert!((rates[0] - 100.0).abs() < 1e-6 && (rates[1] - 38.0 / 0.78).abs() < 1e-6, "{rates:?}");
     let expected = [
@@ -296,4 +296,17 @@ fn the_preflight_says_what_would_be_lost() {
     }
     assert!(preflight.disk_bytes_per_second > 1e6 && preflight.render().contains("left     100.00  100.00"), "{}", preflight.render());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left on the disk");
+}
+
+#[test]
+fn a_preflight_that_is_stopped_lets_go_of_its_cameras_and_leaves_nothing() {
+    let (folder, started) = (tempfile::tempdir().unwrap(), Instant::now());
+    let silent = || camera(MJPG, vec![Life::Frames(Vec::new(), End::Silence)]);
+    let cameras = vec![("left".to_owned(), camera(MJPG, vec![Life::Frames(film(0..6000), End::Silence)])), ("right".to_owned(), silent())];
+    let stopped = || started.elapsed() > Duration::from_millis(300);
+    let said = Preflight::run(Vec::new(), cameras, Duration::from_secs(60), folder.path(), &stopped).unwrap_err().to_string();
+    assert!(said.contains("stopped before everything was tried"), "{said}");
+    // As soon as it looks up; a busy machine may take its time.
+    assert!(started.elapsed() < Duration::from_secs(20));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

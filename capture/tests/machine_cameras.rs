@@ -97,21 +97,32 @@ fn exposure_focus_and_white_balance_are_locked_recorded_and_put_back() {
     assert!(machine.text("busy.err").contains("another program is using it"), "{}", machine.text("busy.err"));
 }
 
-#[test]
-fn a_webcam_that_a_killed_recording_left_locked_is_put_back_by_the_next() {
-    let Some(machine) = machine() else { return };
-    let (killed, put_back) = (machine.text("left-killed.log"), machine.text("left-put-back.log"));
+/// A webcam whose log said first that its controls were locked, and then what they had been found at.
+fn assert_put_back(before: &str, after: &str) {
     let last = |log: &str, name: &str| log.lines().rev().find_map(|line| line.strip_prefix(&format!("set {name} "))).map(str::to_owned);
     for (name, locked, found) in
         [("exposure_mode", "1", "8"), ("exposure_priority", "0", "1"), ("focus_auto", "0", "1"), ("white_balance_auto", "0", "1")]
     {
-        assert_eq!(last(&killed, name).as_deref(), Some(locked), "{name}: {killed}");
-        assert_eq!(last(&put_back, name).as_deref(), Some(found), "{name}: {put_back}");
+        assert_eq!(last(before, name).as_deref(), Some(locked), "{name}: {before}");
+        assert_eq!(last(after, name).as_deref(), Some(found), "{name}: {after}");
     }
+}
+
+#[test]
+fn a_webcam_that_a_killed_recording_left_locked_is_put_back_by_the_next() {
+    let Some(machine) = machine() else { return };
+    assert_put_back(&machine.text("left-killed.log"), &machine.text("left-put-back.log"));
     let said = machine.text("after.err");
     assert!(said.contains("left camera: a recording that was killed had left its exposure, focus or white balance locked"), "{said}");
     let survey = machine.survey_killed("killed");
     assert!(machine.is_enough(survey.losses[&Side::Left].frames, 15), "{:?}", survey.losses);
+}
+
+#[test]
+fn a_webcam_is_put_back_by_a_preflight_that_is_stopped() {
+    let Some(machine) = machine() else { return };
+    assert_put_back(&machine.text("left-tried.log"), &machine.text("left-stopped.log"));
+    assert_eq!(machine.recording("stopped").0, FAILED, "{}", machine.text("stopped.err"));
 }
 
 #[test]

@@ -19,7 +19,8 @@ pub(crate) fn temporary<T>(make: impl FnOnce() -> std::io::Result<T>, path: impl
 
 /// From here on Ctrl-C or a request to terminate ends the program as ever, but what is half written goes first.
 ///
-/// For programs whose results are worth nothing until they are whole: a recording takes care of itself. A hang-up is left to the system, as
+/// For programs whose results are worth nothing until they are whole and that hold nothing which must be put back, since nothing is dropped: who
+/// records, or opens cameras, takes care of itself. A hang-up is left to the system, as
 /// whoever starts a program with `nohup` wants it to.
 #[cfg(unix)]
 pub fn leave_nothing() {

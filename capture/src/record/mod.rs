@@ -6,7 +6,7 @@ pub mod live;
 pub mod pace;
 mod recording;
 pub mod source;
-mod stop;
+pub(crate) mod stop;
 pub mod summary;
 pub mod topic;
 pub mod writer;

@@ -1,4 +1,4 @@
-//! The end of a recording as it is asked for from outside.
+//! The end of a recording, or of a trial of cameras, as it is asked for from outside.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -56,6 +56,15 @@ record mjpg60 --left serial:L1 --right serial:R1 --fps 60 --exposure 8 --duratio
 record yuyv --right serial:R1 --format yuyv --fps 15 --no-lock --duration 1.5
 raven-capture check --devices --left serial:L1 --right serial:R1 --seconds 1 --folder /tmp --json /mnt/devices.json > /mnt/devices.out 2> /mnt/devices.err
 
+# A trial that is stopped puts the webcams back.
+raven-capture check --devices --left serial:L1 --seconds 60 --folder /tmp > /dev/null 2> /mnt/stopped.err &
+sleep 4
+cp /mnt/left.log /mnt/left-tried.log
+kill -INT $!
+wait $!
+echo $? > /mnt/stopped.status
+cp /mnt/left.log /mnt/left-stopped.log
+
 # A recording that is killed leaves the left webcam locked; the next one puts it back first.
 raven-capture record --left serial:L1 --min-space 1 -o /tmp/killed.mcap > /dev/null 2>&1 &
 sleep 3.2
