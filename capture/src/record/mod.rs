@@ -17,9 +17,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
-use raven::Result;
 use raven::cli::{self, Outcome};
 use raven::log::{Side, topics};
+use raven::{Error, Result};
 
 pub use self::args::Args;
 use self::args::{cameras, wanted, with_extension};
@@ -41,7 +41,8 @@ const GLANCE: Duration = Duration::from_millis(100);
 /// Records until it is told to end.
 ///
 /// # Errors
-/// If a camera cannot be opened or a master reached, or the recording exists or cannot be created. What goes wrong later ends in the outcome.
+/// If a camera cannot be opened or a master reached, or the recording exists or cannot be created, or it is stopped before that. What goes wrong
+/// later ends in the outcome.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     record(args, cameras(args), out)
 }
@@ -95,6 +96,10 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
         records,
         clock,
     };
+    // Cameras and masters take their time, in which the user may think better of it.
+    if stop.asked() {
+        return Err(Error::Data("stopped before the recording began: there is no file.".to_owned()));
+    }
     let writer = Writer::start(plan, queue)?;
     rolling.store(true, Ordering::Relaxed);
 

@@ -4,7 +4,10 @@ use std::net::Ipv4Addr;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
 
 use raven_capture::ros1::{Server, Value};
 
@@ -58,4 +61,28 @@ fn a_preflight_that_is_stopped_ends_by_itself() {
         assert!(was_called("unregisterSubscriber"));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
+}
+
+/// A master that takes its time to answer stands in for cameras that settle.
+#[test]
+fn a_recording_that_is_stopped_before_it_begins_leaves_no_file() {
+    let (folder, asked) = (tempfile::tempdir().unwrap(), Arc::new(AtomicBool::new(false)));
+    let reached = Arc::clone(&asked);
+    let answer = move |method: &str, _: &[Value]| {
+        if method == "registerSubscriber" {
+            reached.store(true, Ordering::Relaxed);
+            thread::sleep(Duration::from_secs(1));
+        }
+        Ok(Value::success("", Value::List(Vec::new())))
+    };
+    let master = Server::start(Ipv4Addr::LOCALHOST.into(), 0, answer).unwrap();
+    let robot = format!("ros://127.0.0.1:{}/ravenstate", master.port());
+    let child = spawn(folder.path(), &["record", "--robot", &robot, "--min-space", "1", "-o", "session"]);
+    wait_for("the call", || asked.load(Ordering::Relaxed));
+    signal(&child, "-INT");
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("stopped before the recording began"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
