@@ -109,13 +109,24 @@ pub(super) fn wanted(args: &Args) -> Result<Vec<(String, TopicAddress)>> {
         let master = args.ros_master.clone().map_or_else(usual_master, Ok)?;
         wanted.extend(args.topic.iter().map(|topic| (topic.clone(), TopicAddress { master: master.clone(), topic: topic.clone() })));
     }
-    let mut names: Vec<&str> = wanted.iter().map(|(name, _)| name.as_str()).chain([topics::CLOCK]).collect();
+    let sides = [(Side::Left, &args.left), (Side::Right, &args.right)].into_iter().filter(|(_, camera)| camera.is_some());
+    let frames = sides.flat_map(|(side, _)| [topics::compressed(side), topics::raw(side), topics::frame_meta(side)]);
+    let mut names: Vec<&str> = wanted.iter().map(|(name, _)| name.as_str()).chain([topics::CLOCK]).chain(frames).collect();
     names.sort_unstable();
     if let Some([twice, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
         return Err(Error::Argument(format!(
-            "`{twice}` would be in the recording twice; the recorder's own clocks are on `{}`.",
+            "`{twice}` would be in the recording twice; the recorder's own clocks are on `{}`, and its cameras' frames below `/stereo`.",
             topics::CLOCK
         )));
+    }
+    for (k, (name, address)) in wanted.iter().enumerate() {
+        if let Some((other, _)) = wanted[..k].iter().find(|(_, other)| other == address) {
+            let TopicAddress { master, topic } = address;
+            return Err(Error::Argument(format!(
+                "ros://{}{topic} is asked for as `{other}` and as `{name}`; leave one away.",
+                master.authority()
+            )));
+        }
     }
     Ok(wanted)
 }

@@ -251,6 +251,16 @@ fn what_cannot_be_recorded_leaves_no_file() {
     fails(&no_master, &[], "refuses registerSubscriber: no ROS here");
     fails(&master.at(), &["--min-space", "1000000000000"], "make room or choose another disk");
     fails(&master.at(), &["--topic", TOPIC], "`/numbers` would be in the recording twice");
+    // What fails too late ends by itself.
+    let fails_at_once =
+        |more: &[&str], must_say: &str| fails(&master.at(), &[more, &["--duration", "0.2", "--min-space", "1"]].concat(), must_say);
+    for (reserved, side) in
+        [("/stereo/left/image_raw/compressed", "--left"), ("/stereo/left/image_raw", "--left"), ("/stereo/right/frame_meta", "--right")]
+    {
+        fails_at_once(&["--topic", reserved, side, "serial:none-has-this"], &format!("`{reserved}` would be in the recording twice"));
+    }
+    let robot = format!("ros://127.0.0.1:{}{TOPIC}", master.at().port);
+    fails_at_once(&["--robot", &robot], "is asked for as `/ravenstate` and as `/numbers`; leave one away");
     let file = folder.path().join("session.mcap");
     for (name, must_say) in [(file.clone(), "never written over"), (active_name(&file), "was cut off")] {
         std::fs::write(&name, "someone's data").unwrap();
