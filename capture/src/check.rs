@@ -56,7 +56,7 @@ struct Report<'a> {
 /// If the file cannot be read, is no MCAP file, or a result cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let Some(file) = args.file.as_deref() else { return devices::run(&args.devices, args.json.as_deref(), out) };
-    files::apart([file], &[("--json", args.json.as_deref())])?;
+    files::apart([file], &[("-o", args.output.as_deref()), ("--json", args.json.as_deref())])?;
     let survey = Survey::of(file)?;
     let steps = steps(&survey);
     let recovery = args.output.as_ref().map(|output| recover(file, output)).transpose()?;
@@ -261,7 +261,11 @@ mod tests {
         session(&file);
         let bytes = std::fs::read(&file).unwrap();
         std::fs::write(&file, &bytes[..bytes.len() / 3]).unwrap();
-        let (outcome, text) = check(&[file.to_str().unwrap(), "--recover", "-o", output.to_str().unwrap()]);
+        let words = [file.to_str().unwrap(), "--recover", "-o", output.to_str().unwrap()];
+        let twice = crate::Args::parse_from(["raven-capture", "check"].iter().chain(&words).chain(&["--json", words[3]]));
+        let said = crate::run(twice, &mut Vec::new()).unwrap_err().to_string();
+        assert!(said.contains("-o and --json both name") && !output.exists(), "{said}");
+        let (outcome, text) = check(&words);
         assert_eq!(outcome, Outcome::DataLost);
         assert!(text.contains("DAMAGED: it breaks off") && text.contains("saved.mcap"), "{text}");
         let (outcome, _) = check(&[output.to_str().unwrap()]);

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use raven::cli::{self, Outcome};
 use raven::log::{FrameLosses, Stamp};
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 use serde::Serialize;
 
 use crate::camera::find::{Device, Identity, SYSFS, devices};
@@ -68,6 +68,7 @@ pub struct DeviceArgs {
 /// # Errors
 /// If it is stopped before the end, or the disk cannot be written to.
 pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Result<Outcome> {
+    files::apart(None::<&Path>, &[("--json", json)])?;
     let devices = devices(Path::new(SYSFS));
     let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, &devices, offered(&device.path)?))).collect();
     if present.is_empty() && args.left.is_none() && args.right.is_none() && args.robot.is_none() {
@@ -337,7 +338,7 @@ fn exposure_s(record: &BTreeMap<String, String>) -> Option<f64> {
 
 /// Bytes per second that go to the disk and stay there.
 fn disk_speed(folder: &Path) -> Result<f64> {
-    let mut file = raven::files::temporary_beside(&folder.join("session.mcap"))?;
+    let mut file = files::temporary_beside(&folder.join("session.mcap"))?;
     // Bytes that no file system can compress away.
     let block: Vec<u8> = (0..1_u64 << 20).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 51) as u8).collect();
     let start = Instant::now();

@@ -62,7 +62,8 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let output = with_extension(&args.output);
     files::unused(&output)?;
     let pictures = args.input.is_dir().then(|| images::pictures(&args.input)).transpose()?;
-    files::apart(pictures.iter().flatten().chain([&args.input]), &[("--json", args.json.as_deref())])?;
+    let outputs = [("-o", Some(output.as_path())), ("--json", args.json.as_deref())];
+    files::apart(pictures.iter().flatten().chain([&args.input]), &outputs)?;
     let imported = match pictures {
         Some(pictures) => images::import(&args.input, pictures, args.fps, &output)?,
         None => from_bag::import(&args.input, &args.rename, &output)?,

@@ -13,13 +13,14 @@ pub mod writer;
 
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 use raven::cli::{self, Outcome};
 use raven::log::{Side, topics};
-use raven::{Error, Result};
+use raven::{Error, Result, files};
 
 pub use self::args::Args;
 use self::args::{cameras, wanted, with_extension};
@@ -52,7 +53,8 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 /// # Errors
 /// Those of [`run`].
 pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn Write) -> Result<Outcome> {
-    let wanted = wanted(args)?;
+    let (wanted, path) = (wanted(args)?, with_extension(&args.output));
+    files::apart(None::<&Path>, &[("-o", Some(path.as_path())), ("--json", args.json.as_deref())])?;
     let clock = SessionClock::start();
     let (feed, queue) = Feed::new();
     let (notices, notes) = mpsc::channel();
@@ -90,7 +92,7 @@ pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn 
         .map(|(master, subscriptions)| Node::start(master, subscriptions, notices.clone()))
         .collect::<Result<_, _>>()?;
     let plan = Plan {
-        path: with_extension(&args.output),
+        path,
         split_bytes: args.split_size.map(|megabytes| (megabytes * 1e6) as u64),
         min_space_bytes: args.min_space.saturating_mul(1_000_000),
         records,

@@ -223,6 +223,8 @@ fn no_picture_that_is_read_is_written_over() {
         assert!(said.contains("nothing that is read is written over"), "{said}");
         assert!(!output.exists());
     }
+    let said = import(&input, &output, &["--json", output.to_str().unwrap()]).unwrap_err().to_string();
+    assert!(said.contains("-o and --json both name") && !output.exists(), "{said}");
     assert_eq!(std::fs::read(&left).unwrap(), before);
     assert_eq!(import(&input, &output, &["--json", input.join("said.json").to_str().unwrap()]).unwrap(), Outcome::Done);
 }

@@ -262,6 +262,10 @@ fn what_cannot_be_recorded_leaves_no_file() {
     let robot = format!("ros://127.0.0.1:{}{TOPIC}", master.at().port);
     fails_at_once(&["--robot", &robot], "is asked for as `/ravenstate` and as `/numbers`; leave one away");
     let file = folder.path().join("session.mcap");
+    for json in [folder.path().join("nowhere/record.json"), file.clone()] {
+        let must_say = if json == file { "-o and --json both name" } else { "nowhere does not exist; make it first" };
+        fails_at_once(&["--json", json.to_str().unwrap()], must_say);
+    }
     for (name, must_say) in [(file.clone(), "never written over"), (active_name(&file), "was cut off")] {
         std::fs::write(&name, "someone's data").unwrap();
         let at = master.at().to_string();
