@@ -105,6 +105,9 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         return Err(Error::Argument("--motion and -o are missing; without --seal both are needed.".to_owned()));
     };
     let session = Session::new(&robot, options)?;
+    if args.cameras_out.is_some() && session.cameras().is_none() {
+        return Err(Error::Argument("--cameras-out: a bench has no cameras; leave it away.".to_owned()));
+    }
     let duration_s = args.duration.unwrap_or(match motion {
         Motion::Hardstop => 3.0,
         Motion::Board => 32.0,
@@ -113,8 +116,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     let bar = cli::progress(1000, "simulating");
     let written = session.record(motion, duration_s, output, |done| bar.set_position((1000.0 * done) as u64))?;
     bar.finish_and_clear();
-    if let Some(path) = &args.cameras_out {
-        let cameras = session.cameras().ok_or_else(|| Error::Argument("--cameras-out: a bench has no cameras.".to_owned()))?;
+    if let (Some(path), Some(cameras)) = (&args.cameras_out, session.cameras()) {
         cameras.write(path)?;
     }
     let text = format!(
@@ -134,7 +136,41 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use clap::Parser;
+    use raven::{Error, Result};
+
+    /// Simulates in a folder; gives what was printed.
+    fn simulate(folder: &Path, words: &[&str]) -> Result<String> {
+        let files = words.iter().map(|word| {
+            if word.contains(".mcap") || word.contains(".yaml") || word.contains(".json") {
+                folder.join(word).display().to_string()
+            } else {
+                (*word).to_owned()
+            }
+        });
+        let args = ["raven-capture", "simulate"].map(str::to_owned).into_iter().chain(files);
+        let mut out = Vec::new();
+        crate::run(crate::Args::try_parse_from(args).map_err(|e| Error::Argument(e.to_string()))?, &mut out)?;
+        Ok(String::from_utf8(out).unwrap())
+    }
+
+    #[test]
+    fn the_cameras_of_a_bench_are_refused_before_it_is_recorded() {
+        const BENCH: &str = "format: raven-robot/1\nname: bench\nkinematics: {kind: bench}\n\
+            source: {topic: /motor/joint_states, format: joint_state}\n\
+            joints:\n  - {name: carriage, type: prismatic, gear_ratio: 1.0, motor_capstan_radius: 1.0, link_pulley_radius: 1.0,\n     \
+            motor: {inertia: 95.0, coulomb_friction: 20.0, viscous_friction: 203.5}}\n";
+        let folder = tempfile::tempdir().unwrap();
+        let gold = raven::robot::nominal::GOLD_YAML;
+        let robot = format!("{BENCH}{}", &gold[gold.find("tolerances:").unwrap()..]);
+        std::fs::write(folder.path().join("bench.yaml"), robot).unwrap();
+        let words = ["--robot", "bench.yaml", "--motion", "bench", "--duration", "2", "--cameras-out", "cameras.yaml", "-o", "bench.mcap"];
+        let said = simulate(folder.path(), &words).unwrap_err();
+        assert!(matches!(&said, Error::Argument(what) if what.contains("a bench has no cameras")), "{said}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 
     #[test]
     fn the_length_of_a_board_is_that_of_its_poses() {
