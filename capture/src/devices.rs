@@ -196,14 +196,7 @@ impl Preflight {
                 Err(fault) => preflight.problems.push(format!("{name}: {fault}.")),
             }
         }
-        let needed = preflight.needed_bytes_per_second();
-        if DISK_MARGIN * needed > preflight.disk_bytes_per_second {
-            preflight.problems.push(format!(
-                "the disk takes {:.0} MB/s, and the cameras need {:.1} MB/s: choose another disk, or MJPG.",
-                preflight.disk_bytes_per_second * 1e-6,
-                needed * 1e-6
-            ));
-        }
+        preflight.problems.extend(slow_disk(disk_bytes_per_second, preflight.needed_bytes_per_second()));
         Ok(preflight)
     }
 
@@ -336,6 +329,18 @@ fn exposure_s(record: &BTreeMap<String, String>) -> Option<f64> {
     Some(units * 1e-4)
 }
 
+/// A sentence about a disk that leaves no room for others, by the bytes per second that it takes and that are recorded.
+fn slow_disk(takes: f64, needed: f64) -> Option<String> {
+    let least = DISK_MARGIN * needed;
+    (takes < least).then(|| {
+        let [takes, needed, least] = [takes, needed, least].map(|rate| 1e-6 * rate);
+        format!(
+            "the disk takes {takes:.1} MB/s, and should take {least:.1} MB/s, {DISK_MARGIN} times the {needed:.1} MB/s of the cameras, since it \
+             is not theirs alone: choose another disk, or MJPG."
+        )
+    })
+}
+
 /// Bytes per second that go to the disk and stay there.
 fn disk_speed(folder: &Path) -> Result<f64> {
     let mut file = files::temporary_beside(&folder.join("session.mcap"))?;
@@ -347,4 +352,16 @@ fn disk_speed(folder: &Path) -> Result<f64> {
     }
     file.as_file().sync_data().map_err(|e| Error::io(folder, "sync in", e))?;
     Ok(PROBE_BYTES as f64 / start.elapsed().as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disk_that_is_too_slow_is_held_against_what_it_should_take() {
+        assert_eq!([slow_disk(37e6, 18.4e6), slow_disk(1e6, 0.0)], [None, None]);
+        let said = slow_disk(30e6, 18.4e6).unwrap();
+        assert!(said.starts_with("the disk takes 30.0 MB/s, and should take 36.8 MB/s, 2 times the 18.4 MB/s of the cameras"), "{said}");
+    }
 }
