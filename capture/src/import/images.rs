@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use raven::log::{CameraFrame, FrameData, LogWriter, Side, Stamp, topics};
 use raven::{Error, Result};
 
-use super::Imported;
+use super::{Imported, session};
 
 /// A number with so many digits is a time in nanoseconds: 1e15 ns is the 12th of January 1970.
 const DIGITS_OF_A_TIME: usize = 16;
@@ -32,6 +32,7 @@ pub fn import(folder: &Path, pictures: Vec<PathBuf>, rate_hz: f64, output: &Path
     }
     let (mut imported, mut alone, mut unreadable) = (Imported::default(), Vec::new(), Vec::new());
     let mut log = LogWriter::create(output)?;
+    log.metadata("session", &session(folder))?;
     for (i, (number, pair)) in pairs.into_iter().enumerate() {
         let [Some(left), Some(right)] = pair else {
             alone.extend(pair.into_iter().flatten());

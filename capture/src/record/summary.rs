@@ -10,6 +10,9 @@ use super::source::Counts;
 use super::writer::Written;
 use crate::table::table;
 
+/// What is said of messages whose stamps cannot be read.
+pub(crate) const MISFITS: &str = "messages that do not fit their definition; they are recorded as they came";
+
 /// A topic and what came of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TopicSummary {
@@ -107,7 +110,7 @@ fn losses(TopicSummary { topic, counts, .. }: &TopicSummary) -> Vec<String> {
         (counts.dropped, "messages lost because the disk was too slow for the queue"),
         (unwritten, "messages lost that came when the file could no longer be written"),
         (counts.interruptions, "times that the connection was lost, and with it what was sent meanwhile"),
-        (counts.misfits, "messages that do not fit their definition; they are recorded as they came"),
+        (counts.misfits, MISFITS),
     ];
     let sentence = |(i, (count, what)): (usize, (u64, &str))| match (i, count) {
         (_, 0) => None,

@@ -29,8 +29,13 @@ fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
 
 /// A bag with these numbers, ten to a chunk.
 fn bag(numbers: std::ops::Range<u64>, compression: &str) -> Vec<u8> {
+    bag_of(numbers, compression, DEFINITION, message)
+}
+
+/// A bag whose messages are said to have another definition, or are others.
+fn bag_of(numbers: std::ops::Range<u64>, compression: &str, definition: &str, message: impl Fn(u64) -> Vec<u8>) -> Vec<u8> {
     let sum = md5sum();
-    let said = [("topic", TOPIC), ("type", TYPE), ("md5sum", &sum), ("message_definition", DEFINITION), ("callerid", "/robot")];
+    let said = [("topic", TOPIC), ("type", TYPE), ("md5sum", &sum), ("message_definition", definition), ("callerid", "/robot")];
     let said: Vec<u8> = said.iter().flat_map(|(name, value)| sized(format!("{name}={value}").as_bytes())).collect();
     let connection = record(&[("op", &[7]), ("conn", &0_u32.to_le_bytes()), ("topic", TOPIC.as_bytes())], &said);
     let mut bag =
@@ -162,6 +167,47 @@ fn bags_of_rosbag_itself_are_imported() {
 }
 
 #[test]
+fn a_name_that_is_given_to_no_topic_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("session.bag"), folder.path().join("session.mcap"));
+    std::fs::write(&input, bag(0..25, "none")).unwrap();
+    let said = import(&input, &output, &["--rename", "/number=/ravenstate"]).unwrap_err();
+    assert!(matches!(said, raven::Error::Argument(_)), "{said}");
+    assert!(said.to_string().contains("--rename /number=/ravenstate: ") && said.to_string().contains("has /numbers"), "{said}");
+    assert!(!output.exists());
+    let pictures = folder.path().join("boards");
+    std::fs::create_dir(&pictures).unwrap();
+    ["left1.png", "right1.png"].iter().for_each(|name| image::RgbImage::new(8, 8).save(pictures.join(name)).unwrap());
+    let said = import(&pictures, &output, &["--rename", "/numbers=/ravenstate"]).unwrap_err();
+    assert!(matches!(said, raven::Error::Argument(_)) && said.to_string().contains("a folder has no topics"), "{said}");
+    assert!(!output.exists());
+}
+
+/// Their arrival stands in for the time of measurement, as it does in a recording.
+#[test]
+fn messages_whose_stamps_cannot_be_read_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, json) = (folder.path().join("session.bag"), folder.path().join("import.json"));
+    let imported = |name: &str, bytes: &[u8]| {
+        std::fs::write(&input, bytes).unwrap();
+        let output = folder.path().join(name);
+        let outcome = import(&input, &output, &["--json", json.to_str().unwrap()]).unwrap();
+        let said: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+        (outcome, said)
+    };
+    let short = |number: u64| if number == 7 { vec![0; 5] } else { message(number) };
+    let (outcome, said) = imported("misfits.mcap", &bag_of(0..25, "none", DEFINITION, short));
+    assert_eq!((outcome, said["messages"].as_u64()), (Outcome::DataLost, Some(25)), "{said}");
+    assert_eq!(said["lost"][0], "/numbers: 1 messages that do not fit their definition; they are recorded as they came.");
+    let (outcome, said) = imported("unknown.mcap", &bag_of(0..25, "none", "no definition at all", message));
+    assert_eq!((outcome, said["messages"].as_u64()), (Outcome::Done, Some(25)), "{said}");
+    let notice = said["notices"][0].as_str().unwrap();
+    assert!(notice.starts_with("/numbers: the definition of /robot cannot be used: "), "{notice}");
+    let (outcome, said) = imported("whole.mcap", &bag(0..25, "none"));
+    assert_eq!((outcome, &said["lost"], &said["notices"]), (Outcome::Done, &serde_json::json!([]), &serde_json::json!([])));
+}
+
+#[test]
 fn pictures_are_paired_by_their_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let picture = |name: &str, bytes: &[u8]| {
@@ -184,6 +230,7 @@ fn pictures_are_paired_by_their_numbers() {
         })
         .collect();
     assert_eq!(read, expected);
+    assert_eq!(Survey::of(&output).unwrap().session["imported from"], "boards");
     picture("left0005.png", b"");
     let said = import(&input, &folder.path().join("twice.mcap"), &[]).unwrap_err().to_string();
     assert!(said.contains("are both number 5 of the left camera"), "{said}");
