@@ -14,7 +14,7 @@ use raven::log::{FrameLosses, Stamp};
 use raven::{Error, Result, files};
 use serde::Serialize;
 
-use crate::camera::find::{Device, Identity, SYSFS, devices};
+use crate::camera::find::{Device, Identity, SYSFS, devices, two_cameras};
 use crate::camera::judge::Judge;
 use crate::camera::modes::OfferedMode;
 use crate::camera::{CameraFault, Driver, Opened, Selector, offered};
@@ -70,6 +70,7 @@ pub struct DeviceArgs {
 pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Result<Outcome> {
     files::apart(None::<&Path>, &[("--json", json)])?;
     let devices = devices(Path::new(SYSFS));
+    two_cameras(args.left.as_ref(), args.right.as_ref(), &devices)?;
     let present: Vec<Present> = devices.iter().filter_map(|device| Some(Present::new(device, &devices, offered(&device.path)?))).collect();
     if present.is_empty() && args.left.is_none() && args.right.is_none() && args.robot.is_none() {
         return Err(Error::Data("no camera is plugged in.".to_owned()));

@@ -3,9 +3,12 @@
 //! Linux lists its video devices in `/sys/class/video4linux`; each has a link `device` into the tree of its bus. A webcam has two devices or
 //! more; the one with the lowest `index` gives the images.
 
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+
+use raven::Error;
 
 use super::CameraFault;
 
@@ -32,6 +35,16 @@ impl FromStr for Selector {
             Some(("usb", port)) if !port.is_empty() => Ok(Self::Port(port.to_owned())),
             _ if text.starts_with('/') => Ok(Self::Device(text.into())),
             _ => Err(format!("`{text}` is no camera as in serial:2B4F91C0, usb:1-4.2 or /dev/video0")),
+        }
+    }
+}
+
+impl fmt::Display for Selector {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Device(path) => path.display().fmt(f),
+            Self::Serial(serial) => write!(f, "serial:{serial}"),
+            Self::Port(port) => write!(f, "usb:{port}"),
         }
     }
 }
@@ -106,6 +119,20 @@ impl Selector {
     }
 }
 
+/// Refuses one camera for both sides, by whatever names; where none is found it is said later.
+///
+/// # Errors
+/// If both are the same.
+pub fn two_cameras(left: Option<&Selector>, right: Option<&Selector>, devices: &[Device]) -> Result<(), Error> {
+    let (Some(left), Some(right)) = (left, right) else { return Ok(()) };
+    let same = left == right || left.find(devices).ok().zip(right.find(devices).ok()).is_some_and(|(left, right)| left.path == right.path);
+    if !same {
+        return Ok(());
+    }
+    let names = if left == right { format!("`{left}`") } else { format!("`{left}` and `{right}`") };
+    Err(Error::Argument(format!("--left and --right are the same camera, {names}: choose another one for one of them.")))
+}
+
 impl Identity {
     /// What this device is known by among all.
     #[must_use]
@@ -118,7 +145,7 @@ impl Identity {
     /// What chooses this camera on the command line, for good.
     #[must_use]
     pub fn selector(&self) -> String {
-        self.serial.as_ref().map_or_else(|| format!("usb:{}", self.port), |serial| format!("serial:{serial}"))
+        self.serial.clone().map_or_else(|| Selector::Port(self.port.clone()), Selector::Serial).to_string()
     }
 
     /// The device of this camera, whatever its number is now: by serial number at whichever port, without one by port and name.
@@ -212,6 +239,21 @@ mod tests {
             assert_eq!(identity.selector(), format!("usb:{port}"));
             assert!(identity.find(&[]).unwrap_err().to_string().contains("found are none"));
         }
+    }
+
+    #[test]
+    fn one_camera_is_not_both() {
+        let folder = tempfile::tempdir().unwrap();
+        tree(folder.path(), &[(0, 0, "1-1", Some("L1")), (2, 0, "1-2", Some("R1"))]);
+        let devices = found(folder.path());
+        let two = |left: &str, right: &str| two_cameras(Some(&left.parse().unwrap()), Some(&right.parse().unwrap()), &devices);
+        for (left, right) in [("serial:L1", "usb:1-1"), ("/dev/video0", "serial:L1"), ("usb:1-1", "/dev/video0")] {
+            let said = two(left, right).unwrap_err().to_string();
+            assert!(said.starts_with(&format!("--left and --right are the same camera, `{left}` and `{right}`")), "{said}");
+        }
+        assert!(two("serial:absent", "serial:absent").is_err());
+        two("serial:L1", "serial:R1").and_then(|()| two("serial:absent", "usb:1-1")).unwrap();
+        two_cameras(None, Some(&Selector::Serial("L1".to_owned())), &devices).unwrap();
     }
 
     #[test]

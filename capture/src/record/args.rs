@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use raven::log::{Side, topics};
 use raven::{Error, Result};
 
+use crate::camera::find::{SYSFS, devices, two_cameras};
 use crate::camera::mode::size_px;
 use crate::camera::{Driver, Encoding, Request, Selector, V4l2};
 use crate::ros1::{Endpoint, MASTER_PORT, TopicAddress, topic_name};
@@ -93,11 +94,20 @@ pub struct Args {
     pub output: PathBuf,
 }
 
+impl Args {
+    /// The cameras that were asked for.
+    fn chosen(&self) -> impl Iterator<Item = (Side, &Selector)> {
+        [(Side::Left, &self.left), (Side::Right, &self.right)].into_iter().filter_map(|(side, camera)| Some((side, camera.as_ref()?)))
+    }
+}
+
 /// The cameras that were asked for.
-#[must_use]
-pub fn cameras(args: &Args) -> Vec<(Side, Box<dyn Driver>)> {
-    let sides = [(Side::Left, &args.left), (Side::Right, &args.right)];
-    sides.into_iter().filter_map(|(side, camera)| Some((side, args.camera.driver(camera.clone()?)))).collect()
+///
+/// # Errors
+/// If both are the same.
+pub fn cameras(args: &Args) -> Result<Vec<(Side, Box<dyn Driver>)>> {
+    two_cameras(args.left.as_ref(), args.right.as_ref(), &devices(Path::new(SYSFS)))?;
+    Ok(args.chosen().map(|(side, camera)| (side, args.camera.driver(camera.clone()))).collect())
 }
 
 /// Every topic that was asked for, with its name in the recording.
@@ -109,8 +119,7 @@ pub(super) fn wanted(args: &Args) -> Result<Vec<(String, TopicAddress)>> {
         let master = args.ros_master.clone().map_or_else(usual_master, Ok)?;
         wanted.extend(args.topic.iter().map(|topic| (topic.clone(), TopicAddress { master: master.clone(), topic: topic.clone() })));
     }
-    let sides = [(Side::Left, &args.left), (Side::Right, &args.right)].into_iter().filter(|(_, camera)| camera.is_some());
-    let frames = sides.flat_map(|(side, _)| [topics::compressed(side), topics::raw(side), topics::frame_meta(side)]);
+    let frames = args.chosen().flat_map(|(side, _)| [topics::compressed(side), topics::raw(side), topics::frame_meta(side)]);
     let mut names: Vec<&str> = wanted.iter().map(|(name, _)| name.as_str()).chain([topics::CLOCK]).chain(frames).collect();
     names.sort_unstable();
     if let Some([twice, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {

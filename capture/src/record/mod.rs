@@ -45,7 +45,7 @@ const GLANCE: Duration = Duration::from_millis(100);
 /// If a camera cannot be opened or a master reached, or the recording exists or cannot be created, or it is stopped before that. What goes wrong
 /// later ends in the outcome.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
-    record(args, cameras(args), out)
+    record(args, cameras(args)?, out)
 }
 
 /// Records from these cameras, whatever they are, and the topics that were asked for.
