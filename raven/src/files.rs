@@ -185,7 +185,8 @@ pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&s
 }
 
 /// The folder that a file is in, or will be.
-pub(crate) fn folder_of(path: &Path) -> &Path {
+#[must_use]
+pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 

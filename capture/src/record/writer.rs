@@ -1,13 +1,15 @@
 //! The writer: one thread that puts what comes out of the queue in the file, as the sources see it.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-use raven::{Error, Result};
+use raven::log::unrecorded;
+use raven::{Error, Result, files};
 
 use super::recording::Recording;
 use super::source::Entry;
@@ -37,6 +39,25 @@ impl Plan {
         let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
         let extension = self.path.extension().map_or_else(String::new, |extension| format!(".{}", extension.to_string_lossy()));
         self.path.with_file_name(format!("{stem}_{number:03}{extension}"))
+    }
+
+    /// Refuses a recording of which a part, however late, would find its name taken.
+    fn parts_unrecorded(&self) -> Result<()> {
+        if self.split_bytes.is_none() {
+            return Ok(());
+        }
+        let folder = files::folder_of(&self.path);
+        let failed = |e| Error::io(folder, "read", e);
+        for entry in fs::read_dir(folder).map_err(failed)? {
+            let name = entry.map_err(failed)?.file_name();
+            let name = name.to_string_lossy();
+            let name = Path::new(name.strip_suffix(".active").unwrap_or(&name));
+            let number = name.file_stem().and_then(|stem| stem.to_str()?.rsplit_once('_')?.1.parse().ok());
+            if let Some(part) = number.map(|number| self.part(number)).filter(|part| part.file_name() == name.file_name()) {
+                unrecorded(&part)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -109,7 +130,7 @@ impl Writer {
     /// Starts a recording.
     ///
     /// # Errors
-    /// If the file exists or cannot be created, or the disk has less free space than must stay free.
+    /// If the file, or one of its parts, exists or cannot be created, or the disk has less free space than must stay free.
     pub fn start(plan: Plan, queue: Receiver<Entry>) -> Result<Self> {
         let free = free_bytes(&plan.path)?;
         if free < plan.min_space_bytes {
@@ -120,6 +141,7 @@ impl Writer {
             );
             return Err(Error::file(&plan.path, message));
         }
+        plan.parts_unrecorded()?;
         let progress = Arc::new(Progress { free_bytes: free.into(), ..Progress::default() });
         let recording = Recording::begin(plan, Arc::clone(&progress))?;
         let spawned = thread::Builder::new().name("writer".to_owned()).spawn(move || recording.run(&queue));
@@ -147,7 +169,7 @@ impl Writer {
 
 /// Free bytes on the disk of a file that need not exist.
 pub(crate) fn free_bytes(path: &Path) -> Result<u64> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = files::folder_of(path);
     let disk = rustix::fs::statvfs(folder).map_err(|e| Error::io(folder, "look at", e.into()))?;
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }

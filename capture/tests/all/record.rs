@@ -211,6 +211,29 @@ fn parts_hold_everything_once() {
 }
 
 #[test]
+fn a_name_that_a_later_part_would_take_ends_no_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let master = Master::start(0);
+    let (at, file) = (master.at().to_string(), folder.path().join("session.mcap"));
+    let words = ["raven-capture", "record", "--ros-master", &at, "--topic", TOPIC, "--min-space", "1", "--duration", "0.2"];
+    let split = ["--split-size", "1", "-o", file.to_str().unwrap()];
+    let run = || raven_capture::run(raven_capture::Args::parse_from(words.iter().chain(&split)), &mut Vec::new());
+    for (name, must_say) in [("session_003.mcap", "never written over"), ("session_1000.mcap.active", "was cut off")] {
+        let part = folder.path().join(name);
+        std::fs::write(&part, "someone's data").unwrap();
+        let said = run().unwrap_err().to_string();
+        assert!(said.contains(name) && said.contains(must_say), "{said}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        std::fs::remove_file(&part).unwrap();
+    }
+    // Names that no part has.
+    for name in ["session_x.mcap", "session_01.mcap", "session_001.json", "other_000.mcap", "session.mcap"] {
+        std::fs::write(folder.path().join(name), "").unwrap();
+    }
+    assert_eq!(run().unwrap(), Outcome::DataLost, "nobody publishes");
+}
+
+#[test]
 fn a_publisher_that_sends_nonsense_is_left_and_the_rest_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let master = Master::start(0);

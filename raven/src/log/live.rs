@@ -23,6 +23,21 @@ pub fn active_name(path: &Path) -> PathBuf {
     name.into()
 }
 
+/// Refuses to record where there is a recording of that name, complete or not.
+///
+/// # Errors
+/// If there is one.
+pub fn unrecorded(path: &Path) -> Result<()> {
+    files::unused(path)?;
+    let active = active_name(path);
+    if active.exists() { Err(under_way(&active)) } else { Ok(()) }
+}
+
+fn under_way(active: &Path) -> Error {
+    let what = "this recording is under way or was cut off; save it with `raven-capture check FILE --recover -o OUT.mcap`, then remove it.";
+    Error::file(active, what)
+}
+
 impl LogWriter {
     /// Starts a log that grows under its active name and gets `path` for a name from [`LogWriter::finish`].
     ///
@@ -31,14 +46,9 @@ impl LogWriter {
     pub fn live(path: &Path) -> Result<Self> {
         files::unused(path)?;
         let active = active_name(path);
-        let file = OpenOptions::new().write(true).create_new(true).open(&active).map_err(|e| {
-            if e.kind() != std::io::ErrorKind::AlreadyExists {
-                return Error::io(&active, "create", e);
-            }
-            Error::file(
-                &active,
-                "this recording is under way or was cut off; save it with `raven-capture check FILE --recover -o OUT.mcap`, then remove it.",
-            )
+        let file = OpenOptions::new().write(true).create_new(true).open(&active).map_err(|e| match e.kind() {
+            std::io::ErrorKind::AlreadyExists => under_way(&active),
+            _ => Error::io(&active, "create", e),
         })?;
         Self::start(path, "", LIBRARY, Place::Active(active), file)
     }

@@ -41,7 +41,7 @@ pub use cut::{Cut, cut};
 pub use frames::{CameraFrame, FrameData, Side, frame_stamps, frames};
 pub use jpeg::is_truncated_jpeg;
 pub use lag::Lag;
-pub use live::{active_name, complete};
+pub use live::{active_name, complete, unrecorded};
 pub use losses::FrameLosses;
 pub use pixels::LARGEST_SIDE;
 pub use protobuf::{ClockSample, FrameMeta};
