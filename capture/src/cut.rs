@@ -7,6 +7,8 @@ use raven::cli::{self, Outcome};
 use raven::log::cut;
 use raven::{Error, Result, files};
 
+use crate::number::not_negative;
+
 /// Arguments of `raven-capture cut`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  raven-capture cut session.mcap --from 12 --to 45.5 -o part.mcap\n\n\
@@ -15,10 +17,10 @@ pub struct Args {
     /// The log.
     pub file: PathBuf,
     /// Start of the part.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "0")]
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative, default_value = "0")]
     pub from: f64,
     /// End of the part; the end of the log if it is not given.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative)]
     pub to: Option<f64>,
     /// The new log.
     #[arg(short, long, value_name = "FILE")]
@@ -44,10 +46,4 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         format!("{} of {} messages, from {:.3} to {end_s:.3} s, are in {}.\n", cut.messages, cut.of, args.from, args.output.display());
     cli::results(out, &text, args.json.as_deref(), &cut)?;
     Ok(Outcome::Done)
-}
-
-/// A time in a log.
-fn seconds(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number >= 0.0);
-    number.ok_or_else(|| "expected a number of seconds, 0 or more".to_owned())
 }

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -18,7 +19,8 @@ use crate::camera::find::{Device, Identity, SYSFS, devices, two_cameras};
 use crate::camera::judge::Judge;
 use crate::camera::modes::OfferedMode;
 use crate::camera::{CameraFault, Driver, Opened, Selector, offered};
-use crate::record::args::{CameraArgs, positive};
+use crate::number::within;
+use crate::record::args::CameraArgs;
 use crate::record::source::Counts;
 use crate::record::stop::Stop;
 use crate::record::writer::free_bytes;
@@ -32,6 +34,8 @@ const PROBE_BYTES: usize = 64 << 20;
 const DISK_MARGIN: f64 = 2.0;
 /// The rate may fall short of the mode by so much.
 const RATE_SHORTFALL: f64 = 0.02;
+/// How long cameras may be tried (s).
+const TRIAL_S: RangeInclusive<f64> = 0.1..=3600.0;
 /// How soon a camera's trial notices that it is to end.
 const GLANCE: Duration = Duration::from_millis(100);
 /// An exposure longer than this part of the interval leaves no time to read the sensor.
@@ -56,8 +60,8 @@ pub struct DeviceArgs {
     #[command(flatten)]
     pub camera: CameraArgs,
     /// How long the cameras are tried [s].
-    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value = "3")]
-    pub seconds: f64,
+    #[arg(long, value_name = "SECONDS", value_parser = trial_time, default_value = "3")]
+    pub seconds: Duration,
     /// Folder of the disk that would be recorded to.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub folder: PathBuf,
@@ -83,13 +87,12 @@ pub fn run(args: &DeviceArgs, json: Option<&Path>, out: &mut dyn Write) -> Resul
         let all = present.iter().map(|present| (present.choose.clone(), args.camera.driver(Selector::Device(present.path.clone()))));
         cameras.extend(all);
     }
-    let time = Duration::try_from_secs_f64(args.seconds).map_err(|_| Error::Argument("--seconds is too long.".to_owned()))?;
     let stop = Stop::on_signals()?;
     let stopped = || stop.asked();
-    let mut preflight = Preflight::run(present, cameras, time, &args.folder, &stopped)?;
+    let mut preflight = Preflight::run(present, cameras, args.seconds, &args.folder, &stopped)?;
     preflight.clock_kept = is_clock_kept();
     if let Some(address) = &args.robot {
-        preflight.try_robot(address, time, &stopped)?;
+        preflight.try_robot(address, args.seconds, &stopped)?;
     }
     preflight.problems.iter().for_each(|sentence| cli::warn(sentence));
     cli::results(out, &preflight.render(), json, &preflight)?;
@@ -340,6 +343,10 @@ fn slow_disk(takes: f64, needed: f64) -> Option<String> {
              is not theirs alone: choose another disk, or MJPG."
         )
     })
+}
+
+fn trial_time(text: &str) -> Result<Duration, String> {
+    within(&TRIAL_S, text).map(Duration::from_secs_f64)
 }
 
 /// Bytes per second that go to the disk and stay there.

@@ -6,6 +6,7 @@ pub mod clock;
 pub mod cut;
 pub mod devices;
 pub mod import;
+mod number;
 pub mod record;
 pub mod robot_trial;
 pub mod ros1;

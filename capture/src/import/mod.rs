@@ -14,6 +14,7 @@ use raven::cli::{self, Outcome};
 use raven::{Error, Result, files};
 use serde::Serialize;
 
+use crate::number::within;
 use crate::record::args::with_extension;
 use crate::ros1::topic_name;
 
@@ -91,8 +92,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 }
 
 fn rate_hz(text: &str) -> Result<f64, String> {
-    let rate = text.parse().ok().filter(|rate: &f64| RATES_HZ.contains(rate));
-    rate.ok_or_else(|| format!("expected a number from {} to {}", RATES_HZ.start(), RATES_HZ.end()))
+    within(&RATES_HZ, text)
 }
 
 fn renaming(text: &str) -> Result<(String, String), String> {

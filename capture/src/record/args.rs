@@ -8,6 +8,7 @@ use raven::{Error, Result};
 use crate::camera::find::{SYSFS, devices, two_cameras};
 use crate::camera::mode::size_px;
 use crate::camera::{Driver, Encoding, Request, Selector, V4l2};
+use crate::number::positive;
 use crate::ros1::{Endpoint, MASTER_PORT, TopicAddress, topic_name};
 
 /// What is asked of both cameras.
@@ -155,11 +156,6 @@ pub(crate) fn with_extension(output: &Path) -> PathBuf {
     let mut name = output.as_os_str().to_owned();
     name.push(".mcap");
     name.into()
-}
-
-pub(crate) fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "expected a number above 0".to_owned())
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {
