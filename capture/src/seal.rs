@@ -6,10 +6,10 @@ use std::path::Path;
 
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
-use raven::simulation::{Case, LABELS_SUM, Lot, Options, SealedFolder};
-use raven::{Error, Result};
+use raven::simulation::{CAMERAS, Case, LABELS, LABELS_SUM, Lot, Options, SealedFolder};
+use raven::{Error, Result, files};
 
-use crate::simulate::Args;
+use crate::simulate::{Args, Report};
 
 /// Adds a recording to the sealed folder. `options` says how cameras look and how far the robot is off nominal.
 ///
@@ -18,6 +18,10 @@ use crate::simulate::Args;
 pub fn run(args: &Args, folder: &Path, robot: &Robot, options: &Options, out: &mut dyn Write) -> Result<Outcome> {
     let mut sealed = SealedFolder::open(folder)?;
     let name = args.output.as_deref().map_or_else(|| Ok(sealed.free_name()), name)?;
+    let recording = sealed.recording(&name);
+    let own = [LABELS, LABELS_SUM, CAMERAS].map(|file| folder.join(file));
+    let outputs = own.iter().chain([&recording]).map(|file| ("--seal", Some(file.as_path()))).chain([("--json", args.json.as_deref())]);
+    files::apart(None::<&Path>, &outputs.collect::<Vec<_>>())?;
     // Without one of its own, whoever tries all small seeds would find the label.
     let seed = args.seed.unwrap_or_else(|| RandomState::new().hash_one(&name));
     let lot = if args.effect.is_empty() { args.lot.unwrap_or(Lot::Any) } else { Lot::None };
@@ -35,7 +39,7 @@ pub fn run(args: &Args, folder: &Path, robot: &Robot, options: &Options, out: &m
     bar.finish_and_clear();
     let text = format!(
         "{}: {}, {} s, {} robot states, {} tips ({} hidden); its label is sealed by {}\n",
-        sealed.recording(&name).display(),
+        recording.display(),
         case.motion,
         case.duration_s,
         written.robot,
@@ -43,7 +47,8 @@ pub fn run(args: &Args, folder: &Path, robot: &Robot, options: &Options, out: &m
         written.tips_hidden,
         folder.join(LABELS_SUM).display(),
     );
-    cli::print(out, &text)?;
+    let report = Report { file: &recording, motion: case.motion.to_string(), written: &written };
+    cli::results(out, &text, args.json.as_deref(), &report)?;
     Ok(Outcome::Done)
 }
 
@@ -59,7 +64,7 @@ fn name(output: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
-    use raven::simulation::{LABELS, Magnitude};
+    use raven::simulation::Magnitude;
 
     use super::*;
 

@@ -1,13 +1,14 @@
 //! `raven-capture simulate`: recordings of a virtual lab whose robot hides what you ask it to.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use raven::cli::{self, Outcome};
 use raven::log::Stamp;
 use raven::robot::{Robot, nominal};
-use raven::simulation::{Effect, Hidden, Lot, Motion, Options, SEALED_FACTOR, Session};
+use raven::simulation::{Effect, Hidden, Lot, Motion, Options, SEALED_FACTOR, Session, Written};
 use raven::{Error, Result, files};
+use serde::Serialize;
 
 use crate::seal;
 
@@ -69,9 +70,24 @@ pub struct Args {
     /// Write the cameras as a perfect calibration would describe them.
     #[arg(long, value_name = "FILE")]
     pub cameras_out: Option<PathBuf>,
+    /// Write the result as JSON, without what is hidden; `-` is standard output.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
     /// The recording; with --seal its name in that folder, r001.mcap and so on if left off.
     #[arg(short, long, value_name = "FILE", required_unless_present = "seal")]
     pub output: Option<PathBuf>,
+}
+
+/// What was recorded, for machines; nothing in it tells what is hidden.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report<'a> {
+    /// The recording.
+    pub(crate) file: &'a Path,
+    /// How the robot, or the board, moved.
+    pub(crate) motion: String,
+    /// What it holds.
+    #[serde(flatten)]
+    pub(crate) written: &'a Written,
 }
 
 /// Records a virtual lab.
@@ -79,7 +95,12 @@ pub struct Args {
 /// # Errors
 /// If an argument makes no sense, the robot file cannot be used, or a file cannot be written.
 pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
-    let outputs = [("-o", args.output.as_deref()), ("--truth", args.truth.as_deref()), ("--cameras-out", args.cameras_out.as_deref())];
+    let outputs = [
+        ("-o", args.output.as_deref()),
+        ("--truth", args.truth.as_deref()),
+        ("--cameras-out", args.cameras_out.as_deref()),
+        ("--json", args.json.as_deref()),
+    ];
     files::apart(&args.robot, &outputs)?;
     let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
     if !(0.0..=4e9).contains(&args.start_time) {
@@ -130,7 +151,11 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         written.images[0],
         written.images[1],
     );
-    cli::results(out, &text, args.truth.as_deref(), &session.truth_json())?;
+    let report = Report { file: output, motion: motion.to_string(), written: &written };
+    // Standard output is for machines alone where either of them is asked for there.
+    let is_aside = args.truth.as_deref().is_some_and(|path| path.as_os_str() == cli::STANDARD_OUTPUT);
+    cli::results(out, "", args.truth.as_deref(), &session.truth_json())?;
+    cli::results(out, if is_aside { "" } else { &text }, args.json.as_deref(), &report)?;
     Ok(Outcome::Done)
 }
 
@@ -170,6 +195,30 @@ mod tests {
         let said = simulate(folder.path(), &words).unwrap_err();
         assert!(matches!(&said, Error::Argument(what) if what.contains("a bench has no cameras")), "{said}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_was_written_is_said_to_machines_and_what_is_hidden_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let json = || -> serde_json::Value { serde_json::from_slice(&std::fs::read(folder.path().join("said.json")).unwrap()).unwrap() };
+        let motion = ["--motion", "sinusoid", "--duration", "1", "--effect", "payload=0.2"];
+        let said = simulate(folder.path(), &[&motion[..], &["--json", "said.json", "-o", "one.mcap"]].concat()).unwrap();
+        let written = json();
+        assert!(written["file"].as_str().unwrap().ends_with("one.mcap") && said.contains("1000 robot states"), "{written} {said}");
+        assert_eq!((&written["motion"], &written["robot"], &written["duration_s"]), (&"sinusoid".into(), &1000.into(), &1.0.into()));
+        let sealed = folder.path().join("sealed").display().to_string();
+        let seal = |json: &str, name: &str| {
+            let words = ["raven-capture", "simulate", "--seal", &sealed, "--json", json, "-o", name];
+            let mut out = Vec::new();
+            crate::run(crate::Args::parse_from(words.iter().chain(&motion)), &mut out).map(|_| ())
+        };
+        seal(folder.path().join("said.json").to_str().unwrap(), "two.mcap").unwrap();
+        let written = json();
+        assert!(written["file"].as_str().unwrap().ends_with("two.mcap") && !written.to_string().contains("payload"), "{written}");
+        for name in ["labels.json", "labels.sha256", "cameras.yaml", "three.mcap"] {
+            let said = seal(&format!("{sealed}/{name}"), "three.mcap").unwrap_err().to_string();
+            assert!(said.contains("--json both name"), "{said}");
+        }
     }
 
     #[test]
