@@ -4,8 +4,8 @@
     python3 benches/hide_effects.py ../shared/data/practice hidden/ --seed 1
     raven-diagnose check hidden/
 
-Needs NumPy's, mcap's and PyYAML's Python modules. The recordings have `raven_2/raven_state` and `/tip`, by any plant but this project's; their
-labels say what they hold already. Each effect goes into one without any, into one with one, and some causes that are in no library into others. What
+Needs NumPy's, mcap's and PyYAML's Python modules. The practice recordings lie in a folder `shared` beside the repository and are
+no part of it. They have `raven_2/raven_state` and `/tip`, by any plant but this project's; their labels say what they hold already. Each effect goes into one without any, into one with one, and some causes that are in no library into others. What
 is written here shares nothing with the simulator or the models of the diagnosis: kinematics are rotations by the DH table, and an effect is what it
 changes of stamps, pixels, counts or torque. Where it moves the tip, torque is taken out, as the joint's load would have moved with it, and the joint
 is where tips show it, not where the nominal model has it.
