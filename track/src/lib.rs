@@ -53,7 +53,6 @@ use raven::robot::Robot;
 use raven::{Error, Result, files};
 
 use crate::appearance::{Appearance, Size, number};
-use crate::batches::Counts;
 use crate::html::{Album, Page};
 use crate::marker::Centre;
 use crate::predict::Predictor;
@@ -182,14 +181,13 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
         bar.inc(step.iter().flatten().count() as u64);
     })?;
     bar.finish_and_clear();
-    let Followed { records, without_motor, undecodable } = tracker.finish();
-    let counts = Counts { undecodable: counts.undecodable + undecodable, ..counts };
-    let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), &records, args.stamp_jitter);
+    let followed = tracker.finish();
+    let records = &followed.records;
+    let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), records, args.stamp_jitter);
     let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
-    let contents =
-        output::Contents { tips: &tips.tips, metadata: &metadata, records: &records, robot: &robot_text, cameras: &cameras_text };
+    let contents = output::Contents { tips: &tips.tips, metadata: &metadata, records, robot: &robot_text, cameras: &cameras_text };
     let seconds = started.elapsed().as_secs_f64();
-    let report = Report::new(&tips, &records, counts, without_motor, seconds);
+    let report = Report::new(&tips, &followed, counts, seconds);
     // A run in which nothing was seen is the one of which pictures are wanted most.
     if let (Some(path), Some(album)) = (&args.html, album) {
         let shared = shared::of_tips(&cameras, &tips.tips, &predictor.hard_stop_tip()).filter(|_| report.seen > 0);
@@ -198,14 +196,14 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
             recording: &recording,
             report: &report,
             tips: &tips.tips,
-            records: &records,
+            records,
             shared_m2: shared.map(|(covariance, _)| covariance),
             album,
         };
         files::write_atomic(path, html::html(page)?.as_bytes())?;
     }
     if report.seen == 0 {
-        return Err(never_seen(args, appearance, &records, counts.undecodable, without_motor));
+        return Err(never_seen(args, appearance, &followed, report.frames_undecodable));
     }
     output::write(&args.log, &args.output, contents)?;
     let seconds = started.elapsed().as_secs_f64();
@@ -230,12 +228,26 @@ fn frames_of_both(recording: &Recording) -> Result<[u64; 2]> {
     Ok([count(Side::Left)?, count(Side::Right)?])
 }
 
-fn never_seen(args: &Track, appearance: &Appearance, records: &[Vec<Record>; 2], undecodable: usize, without_motor: usize) -> Error {
+fn never_seen(args: &Track, appearance: &Appearance, followed: &Followed, undecodable: usize) -> Error {
+    let Followed { records, without_motor, out_of_view, .. } = followed;
     let frames = records[0].len() + records[1].len();
     if 2 * without_motor > frames {
         let message = format!(
             "the log has no motor angles at the times of {without_motor} of its {frames} frames, so that the marker could not be looked for. \
              Compare the stamps of images and motors: were they made by one clock?"
+        );
+        return Error::file(&args.log, message);
+    }
+    let unseen = |side: &Side| 2 * out_of_view[*side as usize] > records[*side as usize].len();
+    if let Some(side) = Side::BOTH.into_iter().find(unseen) {
+        let message = format!(
+            "the marker could not be looked for in {} of {} frames of the {} camera: by the motors and the registration in {} the tip is behind \
+             it, or far outside its image. Did the cameras move or change places since? Register them again with `raven-calibrate register`, and \
+             check the robot file.",
+            out_of_view[side as usize],
+            records[side as usize].len(),
+            side.name(),
+            args.cameras.display()
         );
         return Error::file(&args.log, message);
     }

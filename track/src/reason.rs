@@ -5,8 +5,10 @@
 pub enum Reason {
     /// A ball of its colour and size, where the motors allow it.
     Seen,
-    /// No motor angles at the time of the frame, or a tip out of the camera's view.
-    NotSearched,
+    /// Not searched: no motor angles at the time of the frame.
+    NoMotor,
+    /// Not searched: the motors and the registration put the tip out of the camera's view.
+    OutOfView,
     /// Nothing of its colour in the region.
     NoColour,
     /// Something of its colour, and nothing with its size and shape: partly hidden, cut off by the image's edge, or another thing.
@@ -21,14 +23,16 @@ pub enum Reason {
 
 impl Reason {
     /// All of them.
-    pub const ALL: [Self; 7] = [Self::Seen, Self::NotSearched, Self::NoColour, Self::NoBall, Self::Alone, Self::RaysMiss, Self::Elsewhere];
+    pub const ALL: [Self; 8] =
+        [Self::Seen, Self::NoMotor, Self::OutOfView, Self::NoColour, Self::NoBall, Self::Alone, Self::RaysMiss, Self::Elsewhere];
 
     /// In a few words.
     #[must_use]
     pub const fn words(self) -> &'static str {
         match self {
             Self::Seen => "seen",
-            Self::NotSearched => "not searched: no motor angles, or the tip out of view",
+            Self::NoMotor => "not searched: no motor angles",
+            Self::OutOfView => "not searched: the tip out of view",
             Self::NoColour => "hidden: nothing of its colour",
             Self::NoBall => "hidden: of its colour, but no whole ball of its size",
             Self::Alone => "rejected: in this camera only, and not where expected",

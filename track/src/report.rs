@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::batches::Counts;
 use crate::tips::Tips;
-use crate::tracker::Record;
+use crate::tracker::{Followed, Record};
 
 /// A camera that sent nothing for longer than this is reported [s].
 const MISSING_S: f64 = 1.0;
@@ -50,6 +50,8 @@ pub struct Report {
     pub frames_out_of_order: usize,
     /// Frames at whose time the log has no motor angles.
     pub frames_without_motor: usize,
+    /// Frames of cameras out of whose view the motors and the registration put the tip.
+    pub frames_out_of_view: usize,
     /// When a camera sent nothing that could be used.
     pub missing: Vec<Missing>,
 }
@@ -57,7 +59,7 @@ pub struct Report {
 impl Report {
     /// Of the observations and what was counted on the way.
     #[must_use]
-    pub fn new(tips: &Tips, records: &[Vec<Record>; 2], counts: Counts, frames_without_motor: usize, seconds: f64) -> Self {
+    pub fn new(tips: &Tips, followed: &Followed, counts: Counts, seconds: f64) -> Self {
         let count = |status| tips.tips.iter().filter(|tip| tip.status == status).count();
         Self {
             pairs: tips.tips.len(),
@@ -68,11 +70,12 @@ impl Report {
             pairs_per_second: tips.tips.len() as f64 / seconds.max(1e-9),
             right_minus_left_s: tips.right_minus_left_s,
             stamp_jitter_s: tips.jitter_s,
-            frames_undecodable: counts.undecodable,
+            frames_undecodable: counts.undecodable + followed.undecodable,
             frames_out_of_order: counts.out_of_order,
             frames_other_size: counts.other_size,
-            frames_without_motor,
-            missing: missing(records),
+            frames_without_motor: followed.without_motor,
+            frames_out_of_view: followed.out_of_view.iter().sum(),
+            missing: missing(&followed.records),
         }
     }
 
@@ -111,6 +114,7 @@ impl fmt::Display for Report {
             ("of another size", self.frames_other_size),
             ("out of order", self.frames_out_of_order),
             ("without motors", self.frames_without_motor),
+            ("out of view", self.frames_out_of_view),
         ] {
             if count > 0 {
                 writeln!(f, "frames {name:15} {count}")?;

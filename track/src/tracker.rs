@@ -78,6 +78,8 @@ pub struct Followed {
     pub records: [Vec<Record>; 2],
     /// Frames at whose time the log has no motor angles.
     pub without_motor: usize,
+    /// Frames in whose image the tip cannot be, left and right: see [`view`].
+    pub out_of_view: [usize; 2],
     /// Frames that could not be decoded; they have no record.
     pub undecodable: usize,
 }
@@ -113,21 +115,21 @@ impl<'a> Tracker<'a> {
         let this = &*self;
         let look = |side: Side| frames[side as usize].map(|frame| this.look(side, frame));
         let (left, right) = rayon::join(|| look(Side::Left), || look(Side::Right));
-        let seen = [left, right].map(|look| look.and_then(Result::ok));
-        let decoded = [0, 1].map(|k| frames[k].filter(|_| seen[k].is_some()));
-        self.followed.undecodable += frames.iter().flatten().count() - decoded.iter().flatten().count();
-        let looks = seen.map(Option::flatten);
+        let looks = [left, right].map(|look| look.and_then(Result::ok));
+        self.followed.undecodable += frames.iter().flatten().count() - looks.iter().flatten().count();
         let decided = self.decide(&looks);
         [0, 1].map(|k| {
-            let (frame, (sighting, reason)) = (decoded[k]?, decided[k]);
-            match sighting {
-                Sighting::Seen(candidate) => self.search[k].seen(candidate.share),
-                Sighting::Hidden if looks[k].is_some() => self.search[k].lost(),
-                Sighting::Hidden => self.followed.without_motor += 1,
-                Sighting::Rejected(_) => {}
+            let (frame, (sighting, reason)) = (frames[k]?, decided[k]?);
+            match (sighting, reason) {
+                (Sighting::Seen(candidate), _) => self.search[k].seen(candidate.share),
+                (Sighting::Hidden, Reason::NoMotor) => self.followed.without_motor += 1,
+                (Sighting::Hidden, Reason::OutOfView) => self.followed.out_of_view[k] += 1,
+                (Sighting::Hidden, _) => self.search[k].lost(),
+                (Sighting::Rejected(_), _) => {}
             }
             self.followed.records[k].push(Record { stamp: frame.stamp, sighting });
-            Some(Looked { sighting, reason, searched: looks[k].as_ref().map(|look| (look.expected.pixel, look.found.region)) })
+            let searched = looks[k].as_ref().and_then(|look| look.as_ref().ok());
+            Some(Looked { sighting, reason, searched: searched.map(|look| (look.expected.pixel, look.found.region)) })
         })
     }
 
@@ -137,25 +139,24 @@ impl<'a> Tracker<'a> {
         self.followed
     }
 
-    /// `None` where the marker cannot be expected anywhere.
-    fn look(&self, side: Side, frame: &CameraFrame) -> Result<Option<Look>> {
-        let expect = || {
-            let tip = self.predictor.tip(frame.stamp)?;
-            Some((tip, view(self.cameras, side, &(tip + self.lock.offset_m()))?))
-        };
-        let Some((tip, expected)) = expect() else { return Ok(None) };
+    /// What a frame shows, or why the marker cannot be expected anywhere in it; an error if it cannot be decoded.
+    fn look(&self, side: Side, frame: &CameraFrame) -> Result<Result<Look, Reason>> {
+        let Some(tip) = self.predictor.tip(frame.stamp) else { return Ok(Err(Reason::NoMotor)) };
+        let Some(expected) = view(self.cameras, side, &(tip + self.lock.offset_m())) else { return Ok(Err(Reason::OutOfView)) };
         let found = self.search[side as usize].look(frame, &expected)?;
-        Ok(Some(Look { stamp: frame.stamp, tip, expected, found }))
+        Ok(Ok(Look { stamp: frame.stamp, tip, expected, found }))
     }
 
-    fn decide(&mut self, looks: &[Option<Look>; 2]) -> [(Sighting, Reason); 2] {
-        if let [Some(left), Some(right)] = looks
+    /// `None` of a frame that is not there.
+    fn decide(&mut self, looks: &[Option<Result<Look, Reason>>; 2]) -> [Option<(Sighting, Reason)>; 2] {
+        if let [Some(Ok(left)), Some(Ok(right))] = looks
             && !left.found.candidates.is_empty()
             && !right.found.candidates.is_empty()
         {
-            return self.decide_pair(left, right);
+            return self.decide_pair(left, right).map(Some);
         }
-        looks.each_ref().map(|look| look.as_ref().map_or((Sighting::Hidden, Reason::NotSearched), |look| self.decide_alone(look)))
+        let alone = |look: &Result<Look, Reason>| look.as_ref().map_or_else(|&why| (Sighting::Hidden, why), |look| self.decide_alone(look));
+        looks.each_ref().map(|look| look.as_ref().map(alone))
     }
 
     /// One camera alone can follow the marker but not find it for the first time.

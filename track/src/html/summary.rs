@@ -61,7 +61,8 @@ pub fn sentences(page: &Page<'_>) -> Vec<(String, bool)> {
         (report.frames_undecodable, "were cut off or could not be decoded"),
         (report.frames_other_size, "have another size than was calibrated"),
         (report.frames_out_of_order, "have a stamp that is not after that of the frame before"),
-        (report.frames_without_motor, "have no motor angles at their time, or the tip out of view"),
+        (report.frames_without_motor, "have no motor angles at their time"),
+        (report.frames_out_of_view, "have the tip out of the camera's view, by the motors and the registration"),
     ] {
         if count > 0 {
             all.push((format!("{count} frames {what}."), true));

@@ -16,7 +16,8 @@ const BARS: usize = 228;
 pub const fn class(reason: Reason) -> &'static str {
     match reason {
         Reason::Seen => "r-seen",
-        Reason::NotSearched => "r-not",
+        Reason::NoMotor => "r-motor",
+        Reason::OutOfView => "r-view",
         Reason::NoColour => "r-colour",
         Reason::NoBall => "r-ball",
         Reason::Alone => "r-alone",

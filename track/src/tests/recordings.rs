@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use clap::Parser;
+use nalgebra::{UnitQuaternion, Vector3};
 use raven::camera::Cameras;
 use raven::cli::Outcome;
 use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Walker, topics};
@@ -89,6 +90,14 @@ fn number(json: &serde_json::Value, key: &str) -> f64 {
 
 fn cameras() -> PathBuf {
     LAB.path().join("cameras.yaml")
+}
+
+/// The cameras file with something changed.
+fn cameras_with(path: PathBuf, change: impl Fn(&mut Cameras)) -> PathBuf {
+    let mut cameras = Cameras::read(&cameras()).unwrap();
+    change(&mut cameras);
+    cameras.write(&path).unwrap();
+    path
 }
 
 /// Place of the bytes in a message.
@@ -275,6 +284,29 @@ fn what_cannot_be_tracked_is_said_in_a_sentence() {
     session.record(Motion::Board, 1.0, &board, |_| {}).unwrap();
     let board = track(&board, &cameras(), &[]).unwrap_err();
     assert!(board.contains("no motor positions"), "{board}");
+}
+
+#[test]
+fn a_tip_out_of_view_is_no_lack_of_motors() {
+    let (log, folder) = (LAB.path().join("log.mcap"), tempfile::tempdir().unwrap());
+    let about = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI);
+    let at = |name: &str| folder.path().join(name);
+    for (turned, words) in [
+        (cameras_with(at("both.yaml"), |c| c.base_from_left = c.base_from_left.map(|base| base * about)), ["the left camera", "both.yaml"]),
+        (cameras_with(at("right.yaml"), |c| c.right_from_left = about * c.right_from_left), ["the right camera", "right.yaml"]),
+    ] {
+        let never = track(&log, &turned, &[]).unwrap_err();
+        assert!(words.iter().all(|word| never.contains(word)) && !never.contains("clock"), "{never}");
+    }
+    // The motors begin late: their frames are counted as such, and no other.
+    let mut first = None;
+    let (_folder, late) = copied(|message, _| {
+        let start = *first.get_or_insert(message.publish_time);
+        message.channel.topic != topics::RAVEN_STATE || message.publish_time.seconds_since(start) > 2.0
+    });
+    let (said, json, _) = track(&late, &cameras(), &[]).unwrap();
+    let [motor, view] = ["/frames_without_motor", "/frames_out_of_view"].map(|key| number(&json, key));
+    assert!((50.0..70.0).contains(&motor) && view == 0.0 && said.contains("without motors"), "{said}");
 }
 
 #[test]
