@@ -15,6 +15,7 @@ use raven::{Error, Result, files};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::appearance::Appearance;
 use crate::colour::{MarkerColour, hsv};
 use crate::look::Marker;
 use crate::marker::Centre;
@@ -69,16 +70,20 @@ pub struct Learned {
 pub fn run(args: &Colour, out: &mut dyn Write) -> Result<Outcome> {
     files::apart([&args.log, &args.cameras], &[("--json", args.json.as_deref())])?;
     let learned = learn(&args.log, &Cameras::read(&args.cameras)?, args.size.marker_radius_m)?;
-    let Learned { hue_deg: [from, to], min_saturation, min_value, marker_left_m: [x, y, z], pairs_seen, pairs, share_around } = &learned;
+    let Learned { hue_deg: hue_deg @ [from, to], min_saturation, min_value, marker_left_m: [x, y, z], pairs_seen, pairs, share_around } =
+        &learned;
+    let shown = |share: f64| (100.0 * share).round() / 100.0;
+    let copied = Appearance { hue: *hue_deg, min_saturation: shown(*min_saturation), min_value: shown(*min_value), size: args.size };
     let text = format!(
         "colour              hue {from:.0} to {to:.0} deg, saturation at least {min_saturation:.2}, value at least {min_value:.2}\n\
          marker              ({:.1}, {:.1}, {:.1}) mm before the left camera, seen in {pairs_seen} of {pairs} pairs of frames\n\
          around it           {:.2} % of the pixels have this colour\n\
-         track with          --hue {from:.0}..{to:.0} --min-saturation {min_saturation:.2} --min-value {min_value:.2}\n",
+         track with          {}\n",
         1e3 * x,
         1e3 * y,
         1e3 * z,
-        100.0 * share_around
+        100.0 * share_around,
+        copied.options()
     );
     cli::results(out, &text, args.json.as_deref(), &learned)?;
     Ok(Outcome::Done)

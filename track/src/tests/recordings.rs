@@ -201,13 +201,15 @@ fn a_colour_learned_at_the_hard_stop_finds_the_marker_in_motion() {
     session.record(Motion::Hardstop, 2.0, &hardstop, |_| {}).unwrap();
     let json = LAB.path().join("colour.json");
     let name = |path: &Path| path.display().to_string();
-    let words = ["raven-track", "colour", &name(&hardstop), "--cameras", &name(&cameras()), "--json", &name(&json)];
+    let fixed = ["raven-track", "colour", &name(&hardstop), "--cameras", &name(&cameras()), "--json", &name(&json)];
+    let words = fixed.into_iter().chain(["--marker-radius", "0.0055"]);
     let mut said = Vec::new();
     run(Args::try_parse_from(words).unwrap(), &mut said).unwrap();
     let said = String::from_utf8(said).unwrap();
     let learned: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
     assert_eq!(learned["pairs_seen"], learned["pairs"], "{said}");
     let options: Vec<&str> = said.lines().find(|line| line.starts_with("track with")).unwrap().split_whitespace().skip(2).collect();
+    assert_eq!(options[options.len() - 2..], ["--marker-radius", "0.0055"], "{said}");
     let (_, default, _) = track(&LAB.path().join("log.mcap"), &cameras(), &[]).unwrap();
     let (_, tracked, _) = track(&LAB.path().join("log.mcap"), &cameras(), &options).unwrap();
     assert!(number(&tracked, "/seen") > 0.97 * number(&default, "/seen"), "{said}{tracked}");
