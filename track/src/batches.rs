@@ -1,5 +1,6 @@
 //! Frames of a log in the order of time, those of both cameras that belong together at once, while the next are being read.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use image::RgbImage;
@@ -56,9 +57,27 @@ pub struct Frame {
 ///
 /// # Errors
 /// If the log has no cameras or is damaged, or no frame of a camera has the size that was calibrated.
-pub fn for_each(log: &Path, cameras: &Cameras, pair_within_s: f64, take: impl FnMut([Option<&Frame>; 2]) + Send) -> Result<Counts> {
-    let open = |frame: CameraFrame| frame.decode_rgb().ok().map(|image| Frame { stamp: frame.stamp, image });
-    hand_over(log, cameras, pair_within_s, open, take)
+pub fn for_each(log: &Path, cameras: &Cameras, pair_within_s: f64, mut take: impl FnMut([Option<&Frame>; 2]) + Send) -> Result<Counts> {
+    hand_over(log, cameras, pair_within_s, decoded, |step| {
+        take(step);
+        ControlFlow::Continue(())
+    })
+}
+
+/// The first pairs of frames, `most` of them at most, however far apart their stamps are; how many there were. What is behind them is not read.
+///
+/// # Errors
+/// As [`for_each`], up to there.
+pub fn for_first_pairs(log: &Path, cameras: &Cameras, most: usize, mut take: impl FnMut([&Frame; 2]) + Send) -> Result<usize> {
+    let mut pairs = 0;
+    hand_over(log, cameras, f64::INFINITY, decoded, |step| {
+        if let [Some(left), Some(right)] = step {
+            take([left, right]);
+            pairs += 1;
+        }
+        if pairs < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    })?;
+    Ok(pairs)
 }
 
 /// The same without decoding them: whether their pixels can be decoded is left to `take`.
@@ -69,28 +88,39 @@ pub fn for_each_encoded(
     log: &Path,
     cameras: &Cameras,
     pair_within_s: f64,
-    take: impl FnMut([Option<&CameraFrame>; 2]) + Send,
+    mut take: impl FnMut([Option<&CameraFrame>; 2]) + Send,
 ) -> Result<Counts> {
-    hand_over(log, cameras, pair_within_s, Some, take)
+    hand_over(log, cameras, pair_within_s, Some, |step| {
+        take(step);
+        ControlFlow::Continue(())
+    })
 }
 
+fn decoded(frame: CameraFrame) -> Option<Frame> {
+    frame.decode_rgb().ok().map(|image| Frame { stamp: frame.stamp, image })
+}
+
+/// Reads until `take` breaks.
 fn hand_over<F: Send>(
     log: &Path,
     cameras: &Cameras,
     pair_within_s: f64,
     open: impl Fn(CameraFrame) -> Option<F> + Sync + Send,
-    take: impl FnMut([Option<&F>; 2]) + Send,
+    take: impl FnMut([Option<&F>; 2]) -> ControlFlow<()> + Send,
 ) -> Result<Counts> {
     let counts = Counts::default();
     let mut source = Source { frames: Box::new(frames(log)?), cameras, counts, right_size: [0; 2], wrong_size: [None; 2], open };
     let mut queue = Queue { waiting: Vec::new(), last: [None; 2], out_of_order: 0, pair_within_s, take };
     loop {
-        let (next, ()) = rayon::join(|| source.next(), || queue.hand_over(true));
+        let (next, flow) = rayon::join(|| source.next(), || queue.hand_over(true));
+        if flow.is_break() {
+            return Ok(Counts { out_of_order: queue.out_of_order, ..source.counts });
+        }
         let Some(next) = next? else { break };
         queue.waiting.extend(next);
         queue.waiting.sort_by_key(|waiting| (waiting.stamp, waiting.side));
     }
-    queue.hand_over(false);
+    let _nothing_follows = queue.hand_over(false);
     source.check_sizes(log)?;
     Ok(Counts { out_of_order: queue.out_of_order, ..source.counts })
 }
@@ -181,9 +211,9 @@ struct Queue<F, T> {
     take: T,
 }
 
-impl<F, T: FnMut([Option<&F>; 2])> Queue<F, T> {
+impl<F, T: FnMut([Option<&F>; 2]) -> ControlFlow<()>> Queue<F, T> {
     /// Hands over all frames but the last one, if it has no partner yet and there may be more to come.
-    fn hand_over(&mut self, more_to_come: bool) {
+    fn hand_over(&mut self, more_to_come: bool) -> ControlFlow<()> {
         let mut ready = std::mem::take(&mut self.waiting);
         let mut rest = ready.as_slice();
         while let Some((first, after)) = rest.split_first() {
@@ -205,10 +235,11 @@ impl<F, T: FnMut([Option<&F>; 2])> Queue<F, T> {
                 step[partner.side as usize] = Some(&partner.frame);
                 rest = after;
             }
-            (self.take)(step);
+            (self.take)(step)?;
         }
         let handed_over = ready.len() - rest.len();
         self.waiting = ready.split_off(handed_over);
+        ControlFlow::Continue(())
     }
 
     /// Whether a frame was taken after the last of its camera that was handed over, which it then is.

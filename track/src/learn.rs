@@ -94,37 +94,40 @@ pub fn run(args: &Colour, out: &mut dyn Write) -> Result<Outcome> {
 /// # Errors
 /// As [`run`], or if the log cannot be read.
 pub fn learn(log: &Path, cameras: &Cameras, radius_m: f64) -> Result<Learned> {
-    let pairs = first_pairs(log, cameras)?;
     let marker = |colour| Marker { colour, radius_m, centre: Centre::Contour };
-    let gathered = |colour: MarkerColour| {
-        let mut gathered = Gathered::default();
-        pairs.iter().for_each(|[left, right]| gathered.add(cameras, &marker(colour), [left, right]));
-        gathered
-    };
-    let sectors: Vec<usize> = (0..360).step_by(NEXT_DEG).collect();
-    let seen: Vec<Place> = sectors
-        .into_par_iter()
-        .flat_map_iter(|from| {
-            let hue_deg = [from as f64, (from as f64 + SECTOR_DEG) % 360.0];
-            gathered(MarkerColour { hue_deg, ..MarkerColour::default() }).places()
-        })
-        .filter(|place| place.frames as f64 >= LEAST_SHARE * pairs.len() as f64)
-        .collect();
+    let sector = |from: usize| MarkerColour { hue_deg: [from as f64, (from as f64 + SECTOR_DEG) % 360.0], ..MarkerColour::default() };
+    let mut sectors: Vec<_> = (0..360).step_by(NEXT_DEG).map(|from| (marker(sector(from)), Gathered::default())).collect();
+    // Each time that the pairs are looked at they are decoded again: all of them at once would take most of a gigabyte at 1920 x 1080.
+    let pairs = batches::for_first_pairs(log, cameras, PAIRS, |[left, right]| {
+        sectors.par_iter_mut().for_each(|(marker, gathered)| gathered.add(cameras, marker, [&left.image, &right.image]));
+    })?;
+    if pairs == 0 {
+        return Err(Error::file(
+            log,
+            "no pair of frames of both cameras could be decoded; check the recording with `raven-capture check`.",
+        ));
+    }
+    let often = |place: &Place| place.frames as f64 >= LEAST_SHARE * pairs as f64;
+    let seen: Vec<Place> = sectors.iter().flat_map(|(_, gathered)| gathered.places()).filter(often).collect();
     let none_rests = || {
         format!(
             "no coloured ball of {:.1} mm radius rests in view of both cameras in half of {} pairs of frames. Check --marker-radius and the \
              cameras file, and that the marker is lit, in view and at rest.",
             1e3 * radius_m,
-            pairs.len()
+            pairs
         )
     };
     let place = the_only(log, &distinct(seen), none_rests)?;
-    let Some((colour, share_around)) = colour_at(&pairs, cameras, &place, radius_m) else {
+    let Some((colour, share_around)) = colour_at(log, cameras, &place, radius_m)? else {
         return Err(Error::file(log, "the marker is too small in the images to tell its colour; move the cameras nearer."));
     };
-    let pairs_seen = gathered(colour).places().first().map_or(0, |place| place.frames);
+    let mut gathered = Gathered::default();
+    batches::for_first_pairs(log, cameras, PAIRS, |[left, right]| {
+        gathered.add(cameras, &marker(colour), [&left.image, &right.image]);
+    })?;
+    let pairs_seen = gathered.places().first().map_or(0, |place| place.frames);
     // A ball that passes through a place has its colour there no longer.
-    if (pairs_seen as f64) < LEAST_SHARE * pairs.len() as f64 {
+    if (pairs_seen as f64) < LEAST_SHARE * pairs as f64 {
         return Err(Error::file(log, none_rests()));
     }
     Ok(Learned {
@@ -133,27 +136,9 @@ pub fn learn(log: &Path, cameras: &Cameras, radius_m: f64) -> Result<Learned> {
         min_value: colour.min_value,
         marker_left_m: place.point_left.into(),
         pairs_seen,
-        pairs: pairs.len(),
+        pairs,
         share_around,
     })
-}
-
-fn first_pairs(log: &Path, cameras: &Cameras) -> Result<Vec<[RgbImage; 2]>> {
-    let mut pairs = Vec::new();
-    batches::for_each(log, cameras, f64::INFINITY, |frames| {
-        if let [Some(left), Some(right)] = frames
-            && pairs.len() < PAIRS
-        {
-            pairs.push([left.image.clone(), right.image.clone()]);
-        }
-    })?;
-    if pairs.is_empty() {
-        return Err(Error::file(
-            log,
-            "no pair of frames of both cameras could be decoded; check the recording with `raven-capture check`.",
-        ));
-    }
-    Ok(pairs)
 }
 
 /// The places that the sectors agree on, the most seen first.
@@ -173,22 +158,22 @@ fn distinct(mut seen: Vec<Place>) -> Vec<Place> {
 type Hsv = [f64; 3];
 
 /// The colour of a place, and the part of its surroundings that has it; `None` if the marker has no pixels there.
-fn colour_at(pairs: &[[RgbImage; 2]], cameras: &Cameras, place: &Place, radius_m: f64) -> Option<(MarkerColour, f64)> {
-    let centres = cameras.project(&place.point_left)?;
+fn colour_at(log: &Path, cameras: &Cameras, place: &Place, radius_m: f64) -> Result<Option<(MarkerColour, f64)>> {
+    let Some(centres) = cameras.project(&place.point_left) else { return Ok(None) };
     let right = (cameras.right_from_left * nalgebra::Point3::from(place.point_left)).z;
     let radii = [cameras.left.fx * radius_m / place.point_left.z, cameras.right.fx * radius_m / right];
     let (mut inner, mut around) = (Vec::new(), Vec::new());
-    for pair in pairs {
-        for ((image, centre), radius_px) in pair.iter().zip(&centres).zip(radii) {
-            inner.extend(ring(image, centre, [0.0, INNER * radius_px]));
-            around.extend(ring(image, centre, AROUND.map(|radii| radii * radius_px)));
+    batches::for_first_pairs(log, cameras, PAIRS, |pair| {
+        for ((frame, centre), radius_px) in pair.iter().zip(&centres).zip(radii) {
+            inner.extend(ring(&frame.image, centre, [0.0, INNER * radius_px]));
+            around.extend(ring(&frame.image, centre, AROUND.map(|radii| radii * radius_px)));
         }
-    }
-    let colour = ranges(&inner, &around)?;
+    })?;
+    let Some(colour) = ranges(&inner, &around) else { return Ok(None) };
     let has = |&&[hue, saturation, value]: &&Hsv| {
         is_within(hue, colour.hue_deg) && saturation >= colour.min_saturation && value >= colour.min_value
     };
-    Some((colour, around.iter().filter(has).count() as f64 / around.len().max(1) as f64))
+    Ok(Some((colour, around.iter().filter(has).count() as f64 / around.len().max(1) as f64)))
 }
 
 /// Pixels between two distances from a centre [px].

@@ -11,7 +11,7 @@ use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Walker, to
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, Session};
 
-use crate::{Args, batches, run};
+use crate::{Args, batches, learn, run};
 
 const SECONDS: f64 = 8.0;
 
@@ -213,6 +213,20 @@ fn a_colour_learned_at_the_hard_stop_finds_the_marker_in_motion() {
     let (_, default, _) = track(&LAB.path().join("log.mcap"), &cameras(), &[]).unwrap();
     let (_, tracked, _) = track(&LAB.path().join("log.mcap"), &cameras(), &options).unwrap();
     assert!(number(&tracked, "/seen") > 0.97 * number(&default, "/seen"), "{said}{tracked}");
+}
+
+#[test]
+fn a_colour_is_learned_from_the_beginning_of_a_recording() {
+    let long = LAB.path().join("long-stop.mcap");
+    let session = Session::new(&nominal::gold(), Options { images: true, ..Options::default() }).unwrap();
+    session.record(Motion::Hardstop, 12.0, &long, |_| {}).unwrap();
+    // What is damaged behind the pairs that are looked at is not read.
+    let mut bytes = std::fs::read(&long).unwrap();
+    let late = bytes.len() * 7 / 10;
+    bytes[late..late + 64].fill(0x55);
+    std::fs::write(&long, bytes).unwrap();
+    let learned = learn::learn(&long, &Cameras::read(&cameras()).unwrap(), 0.005).unwrap();
+    assert_eq!((learned.pairs, learned.pairs_seen), (60, 60));
 }
 
 #[test]
