@@ -18,7 +18,7 @@ use crate::response::Response;
 pub const REGION_PX: f64 = 100.0;
 /// The same where balls are fitted: less of a frame is decoded, and motors and the last sight tell the place to a few pixels. A blob that reaches
 /// over the edge is looked for in a wider one.
-const BALL_REGION_PX: f64 = 48.0;
+pub const BALL_REGION_PX: f64 = 48.0;
 /// Side of the region of interest at the start [px].
 const FIRST_REGION_PX: f64 = 300.0;
 /// The region is at least so many radii of the marker wide.

@@ -7,6 +7,7 @@ use raven::plot::page::png_uri;
 use raven::plot::svg::{frame, line, rectangle};
 
 use crate::colour::MarkerColour;
+use crate::look::BALL_REGION_PX;
 use crate::marker::Region;
 use crate::outline::outlines;
 use crate::tracker::{Looked, Sighting};
@@ -16,7 +17,7 @@ const SIDE: u32 = 200;
 /// Outlines drawn, and pixels of all of them: speckle of the marker's colour has no end.
 const OUTLINES: usize = 60;
 const PIXELS: usize = 4000;
-/// Half the length of a cross [px of a tile as wide as the least region].
+/// Half the length of a cross [px of a tile as wide as the least region in which balls are searched].
 const CROSS: f64 = 4.0;
 
 /// A region of a frame, kept to be shown.
@@ -75,7 +76,7 @@ impl Tile {
         // Whole numbers are the middles of pixels.
         let [left, top] = [f64::from(self.region.x) - 0.5, f64::from(self.region.y) - 0.5];
         let at = |[u, v]: [f64; 2]| [u - left, v - top];
-        let arm = CROSS * size[0].max(size[1]) / crate::look::REGION_PX;
+        let arm = CROSS * size[0].max(size[1]) / BALL_REGION_PX;
         let mut inside = format!(
             "<image width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" href=\"{}\"/>",
             size[0],
@@ -167,6 +168,17 @@ mod tests {
         assert!(svg.contains(&format!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"8.00\" class=\"seen\"/>")), "{x} {y} {svg}");
         let png = tile.picture.get_pixel((x - 0.5) as u32, (y - 0.5) as u32);
         assert_eq!(*png, Rgb([30, 180, 40]));
+    }
+
+    #[test]
+    fn a_cross_is_as_large_on_the_page_whatever_was_searched() {
+        let centre = Vector2::new(200.25, 100.5);
+        for (side_px, arm) in [(48, 4.0), (96, 8.0)] {
+            let svg = Tile::cut(&disc(320, 240, centre), 0.0, &looked(centre, side_px), &MarkerColour::default()).unwrap().svg("t");
+            let seen = svg.split("<line ").find(|line| line.contains("class=\"seen\"")).unwrap();
+            let at = |name: &str| seen.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse::<f64>().unwrap();
+            assert!((at("x2") - at("x1") - 2.0 * arm).abs() < 0.4, "{seen}");
+        }
     }
 
     #[test]
