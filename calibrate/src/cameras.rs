@@ -129,7 +129,7 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     }
     let middle = Vector3::z() * verdict::mean_distance_m(&calibration.rig, &board);
     let folds = folds::cross_validate(&calibration, &middle);
-    let report = report(&calibration, folds, &pictures, Seconds { all: started.elapsed().as_secs_f64(), solve });
+    let report = report(&calibration, folds.as_ref().ok().copied(), &pictures, Seconds { all: started.elapsed().as_secs_f64(), solve });
     let sentences = verdict::sentences(&calibration, folds.as_ref(), &pictures.shots, &board);
     let mut text = table(&report, &calibration);
     if let Some(path) = &args.html {

@@ -5,7 +5,7 @@ use raven::{Error, Result};
 
 use crate::board::Board;
 use crate::calibration::{Calibration, Shot};
-use crate::folds::Folds;
+use crate::folds::{Folds, Unvalidated};
 use crate::linear::Rig;
 use crate::uncertainty;
 
@@ -72,7 +72,7 @@ pub fn require_apart(rig: &Rig, board: &Board) -> Result<()> {
 
 /// All sentences about a calibration.
 #[must_use]
-pub fn sentences(calibration: &Calibration, folds: Option<&Folds>, shots: &[Shot], board: &Board) -> Vec<Sentence> {
+pub fn sentences(calibration: &Calibration, folds: Result<&Folds, &Unvalidated>, shots: &[Shot], board: &Board) -> Vec<Sentence> {
     let mut all = vec![seeing(calibration, shots)];
     all.extend(in_squares(board));
     all.extend(unmatched(calibration, shots));
@@ -87,7 +87,7 @@ pub fn sentences(calibration: &Calibration, folds: Option<&Folds>, shots: &[Shot
     all.push(timing(calibration, shots));
     let (depth, std_m) = depth(calibration, board);
     all.push(depth);
-    all.push(left_out(calibration, folds, std_m));
+    all.push(folds.map_or_else(|why| unvalidated(why, shots), |folds| left_out(calibration, folds, std_m)));
     all
 }
 
@@ -191,11 +191,27 @@ fn bow(calibration: &Calibration) -> Option<Sentence> {
     calibration.free.bow.then_some(Sentence { text, warning: false })
 }
 
-fn left_out(calibration: &Calibration, folds: Option<&Folds>, depth_std_m: Option<f64>) -> Sentence {
-    let Some(folds) = folds else {
-        let text = "Too few boards for a cross-validation; show five or more to both cameras.".to_owned();
-        return Sentence { text, warning: true };
+fn unvalidated(why: &Unvalidated, shots: &[Shot]) -> Sentence {
+    let text = match why {
+        Unvalidated::FewBoards => "Too few boards for a cross-validation; show five or more to both cameras.".to_owned(),
+        Unvalidated::Behind => {
+            "No cross-validation: what stands as far before the left camera as the boards is behind the right one. Were \
+                                they shown to both cameras at once?"
+                .to_owned()
+        }
+        Unvalidated::Open(left_out) => {
+            let names: Vec<&str> = left_out.iter().map(|&shot| shots[shot].name.as_str()).collect();
+            format!(
+                "No cross-validation: without {} the other boards do not determine the cameras; show more boards of every kind, whole, tilted, \
+                 near and far.",
+                names.join(", ")
+            )
+        }
     };
+    Sentence { text, warning: true }
+}
+
+fn left_out(calibration: &Calibration, folds: &Folds, depth_std_m: Option<f64>) -> Sentence {
     let ratio = (folds.left_out_rms_px.powi(2) + 1e-12).sqrt() / (calibration.rms_px.powi(2) + 1e-12).sqrt();
     let warning = ratio > WORST_LEFT_OUT;
     let advice = if warning { ", much worse: the boards are too few, or what they show differs; show more of them" } else { "" };

@@ -11,6 +11,7 @@ use super::simulated::{Lab, Noise};
 use crate::bundle::Free;
 use crate::calibration::{Options, Shot, calibrate};
 use crate::corners::Sighting;
+use crate::folds::Unvalidated;
 use crate::grid::{Grid, Relabel};
 use crate::linear::{Corner, Huber, Rig, SHARED, View};
 use crate::verdict;
@@ -122,7 +123,7 @@ fn boards_that_move_between_the_exposures_are_called_out() {
     let says = |between_m: f64| {
         let shots = lab.shots(10, Noise { corner_px: 0.08, between_m, ..Noise::default() }, &mut rng(8));
         let found = lab.calibrate(&shots);
-        let all = verdict::sentences(&found, None, &shots, &lab.board);
+        let all = verdict::sentences(&found, Err(&Unvalidated::FewBoards), &shots, &lab.board);
         (verdict::synchronisation(&found), all.iter().any(|s| s.warning && s.text.contains("not taken at one instant")))
     };
     let (still, moving) = (says(0.0), says(0.001));
@@ -154,7 +155,11 @@ fn boards_all_face_on_end_in_a_sentence_or_a_wide_interval() {
         .map(|pose| Shot { name: String::new(), sightings: [0, 1].map(|c| Some(lab.sighting(c, &pose, noise, &mut random))) })
         .collect();
     if let Ok(found) = calibrate(&shots, lab.sizes(), &lab.board, Options::default()) {
-        assert!(verdict::sentences(&found, None, &shots, &lab.board).iter().any(|s| s.warning && s.text.contains("tilt")));
+        assert!(
+            verdict::sentences(&found, Err(&Unvalidated::FewBoards), &shots, &lab.board)
+                .iter()
+                .any(|s| s.warning && s.text.contains("tilt"))
+        );
     }
 }
 

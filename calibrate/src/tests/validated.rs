@@ -5,9 +5,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::simulated::{Lab, Noise};
-use crate::calibration::Shot;
+use super::simulated::{IDENTITY, Lab, Noise};
+use crate::calibration::{Options, Shot, calibrate};
 use crate::folds::cross_validate;
+use crate::grid::Relabel;
 use crate::map::{depth_m, projection_covariance, projection_px, responses};
 use crate::verdict;
 
@@ -105,7 +106,7 @@ fn the_order_of_the_boards_does_not_change_the_cross_validation() {
     let backward = validated(&shots);
     assert!((forward.left_out_rms_px - backward.left_out_rms_px).abs() < 1e-7, "{forward:?} {backward:?}");
     shots.truncate(4);
-    assert!(cross_validate(&lab.calibrate(&shots), &(Vector3::z() * DISTANCE_M)).is_none());
+    assert!(cross_validate(&lab.calibrate(&shots), &(Vector3::z() * DISTANCE_M)).is_err());
 }
 
 #[test]
@@ -136,4 +137,25 @@ fn a_bad_board_and_boards_at_one_distance_are_named() {
         .collect();
     let warnings = says(&at_one_distance);
     assert!(warnings.iter().any(|w| w.contains("nearly the same")), "{warnings:?}");
+}
+
+#[test]
+fn a_cross_validation_that_cannot_be_done_says_why() {
+    let mut lab = Lab::new(9, 6);
+    lab.bow_m = Vector2::new(1e-3, 0.5e-3);
+    let mut shots = lab.shots(8, Noise { corner_px: 0.05, ..Noise::default() }, &mut ChaCha8Rng::seed_from_u64(24));
+    // Of all boards but one it is not known where on the bowed board they are.
+    let shifted = Relabel { shift: (1, 0), ..IDENTITY };
+    shots.iter_mut().filter(|shot| shot.name != "pair 3").flat_map(|shot| shot.sightings.iter_mut().flatten()).for_each(|seen| {
+        seen.placements = vec![IDENTITY, shifted];
+    });
+    let says = |shots: &[Shot]| {
+        let found = calibrate(shots, lab.sizes(), &lab.board, Options { bow: true, ..Options::default() }).unwrap();
+        let all = verdict::sentences(&found, cross_validate(&found, &(Vector3::z() * DISTANCE_M)).as_ref(), shots, &lab.board);
+        all.into_iter().filter(|s| s.warning).map(|s| s.text).find(|text| text.contains("cross-validation")).unwrap()
+    };
+    let open = says(&shots);
+    assert!(open.contains("without pair 3 ") && !open.contains("Too few"), "{open}");
+    let few = says(&shots[..4]);
+    assert!(few.contains("Too few boards"), "{few}");
 }
