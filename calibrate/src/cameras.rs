@@ -50,8 +50,8 @@ pub struct CamerasArgs {
     /// Write a ROS camera_info of each camera, left.yaml and right.yaml, into this folder.
     #[arg(long, value_name = "DIR")]
     pub export_ros: Option<PathBuf>,
-    /// Write a Kalibr camera chain.
-    #[arg(long, value_name = "FILE")]
+    /// Write a Kalibr camera chain, which has no place for the distortion of `--k3`.
+    #[arg(long, value_name = "FILE", conflicts_with = "k3")]
     pub export_kalibr: Option<PathBuf>,
     /// Write stereo parameters for OpenCV's FileStorage.
     #[arg(long, value_name = "FILE")]

@@ -159,6 +159,9 @@ fn wrong_arguments_are_refused_by_name() {
     assert!(millimetres.contains("millimetres"), "{millimetres}");
     assert!(parse(&["cameras", "board.mcap", "--board", "9", "--square", "0.012"]).contains("9x6"));
     assert!(parse(&["cameras", "--board", "9x6", "--square", "0.012"]).contains("required"));
+    let board = ["cameras", "board.mcap", "--board", "9x6", "--square", "0.012"];
+    let kalibr = parse(&[&board[..], &["--k3", "--export-kalibr", "camchain.yaml"]].concat());
+    assert!(kalibr.contains("cannot be used with") && kalibr.contains("--k3") && kalibr.contains("--export-kalibr"), "{kalibr}");
     let register = ["register", "no.mcap", "--robot", "no.yaml", "--cameras", "no.yaml", "--rotation"];
     let mirror = refused(&[&register[..], &["x0=y y0=z z0=-x"]].concat());
     assert!(matches!(&mirror, Error::Argument(s) if s.contains("mirror")), "{mirror}");
