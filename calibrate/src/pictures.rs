@@ -82,6 +82,9 @@ fn read(path: &Path, side: Side) -> Result<GrayImage> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, "read", e))?;
     let frame =
         CameraFrame { side, stamp: Stamp(0), log_time: Stamp(0), frame_id: String::new(), sequence: None, data: FrameData::Jpeg(bytes) };
+    if frame.is_truncated() {
+        return Err(Error::file(path, "this picture is cut off: it has no end; copy it again, or leave its pair out."));
+    }
     frame.decode_gray().map_err(|_| Error::file(path, "this is no picture that can be decoded; JPEG and PNG are read."))
 }
 

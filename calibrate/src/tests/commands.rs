@@ -128,6 +128,7 @@ fn wrong_pictures_end_in_a_sentence() {
         save(folder.path(), name, &flat);
     }
     save(folder.path(), "big.png", &GrayImage::new(80, 60));
+    save(folder.path(), "whole.jpg", &GrayImage::from_fn(64, 48, |x, y| image::Luma([(7 * x * y % 251) as u8])));
     std::fs::write(folder.path().join("text.jpg"), "no picture").unwrap();
     let cameras = |left: &[&str], right: &[&str]| {
         let (left, right): (Vec<String>, Vec<String>) = (left.iter().map(|n| at(n)).collect(), right.iter().map(|n| at(n)).collect());
@@ -148,6 +149,10 @@ fn wrong_pictures_end_in_a_sentence() {
     assert!(sizes.contains("80 x 60") && sizes.contains("64 x 48"), "{sizes}");
     let text = cameras(&["text.jpg", "l1.png"], &["r*.png"]).to_string();
     assert!(text.contains("text.jpg") && text.contains("no picture"), "{text}");
+    let whole = std::fs::read(folder.path().join("whole.jpg")).unwrap();
+    std::fs::write(folder.path().join("cut.jpg"), &whole[..2 * whole.len() / 3]).unwrap();
+    let cut = cameras(&["cut.jpg", "l1.png"], &["r*.png"]).to_string();
+    assert!(cut.contains("cut.jpg") && cut.contains("cut off"), "{cut}");
     assert!(matches!(cameras(&["x*.png"], &["r*.png"]), Error::Argument(_)));
     assert!(matches!(cameras(&["l3.png", "l1.png"], &["r*.png"]), Error::Io { .. }));
 }
