@@ -1,24 +1,19 @@
 //! Where the gap lies in recordings of another plant.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Parser;
 use raven_diagnose::{Args, run};
+use raven_tests::shared;
 use serde_json::Value;
 
 /// The report on one practice recording as JSON and HTML; `None` where the data are not there.
 fn report(case: &str) -> Option<(Value, String)> {
-    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let log = shared.join(format!("data/practice/{case}.mcap"));
-    if !log.exists() {
-        eprintln!("SKIPPED: {} is not there", log.display());
-        return None;
-    }
+    let files = [&format!("data/practice/{case}.mcap"), "robot/raven2-gold.yaml", "data/practice/cameras.yaml"];
+    let [log, robot, cameras] = files.map(|file| shared(file).map(|path| path.display().to_string()));
+    let (log, robot, cameras) = (log?, robot?, cameras?);
     let out = |end: &str| PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{case}.{end}")).display().to_string();
     let (json, html) = (out("json"), out("html"));
-    let path = |p: PathBuf| p.display().to_string();
-    let (robot, cameras) = (path(shared.join("robot/raven2-gold.yaml")), path(shared.join("data/practice/cameras.yaml")));
-    let log = path(log);
     let line = ["raven-diagnose", &log, "--robot", &robot, "--cameras", &cameras, "--json", &json, "--html", &html];
     run(Args::try_parse_from(line).unwrap(), &mut Vec::new()).unwrap();
     Some((serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap(), std::fs::read_to_string(html).unwrap()))

@@ -7,9 +7,10 @@ use raven::Error;
 use raven::camera::Cameras;
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, Session};
+use raven_tests::shared;
 use serde_json::Value;
 
-use super::real::{calibrate, data};
+use super::real::calibrate;
 
 /// The simulation's cameras, turned by 70 deg about an axis askew through the middle of the workspace.
 fn turned(options: &Options) -> Cameras {
@@ -98,12 +99,8 @@ fn cameras_turned_any_way_are_registered_from_motion_alone() {
 
 #[test]
 fn the_virtual_labs_cameras_are_registered_without_their_mount() {
-    let (Some(board), Some(stop), Some(motion), Some(truth)) =
-        (data("lab/board.mcap"), data("lab/hardstop.mcap"), data("lab/sinusoid.mcap"), data("lab/truth.json"))
-    else {
-        return;
-    };
-    let Some(robot) = data("../robot/raven2-gold.yaml") else { return };
+    let lab = ["board.mcap", "hardstop.mcap", "sinusoid.mcap", "truth.json"].map(|name| shared(&format!("data/lab/{name}")));
+    let ([Some(board), Some(stop), Some(motion), Some(truth)], Some(robot)) = (lab, shared("robot/raven2-gold.yaml")) else { return };
     let truth: Value = serde_json::from_str(&std::fs::read_to_string(truth).unwrap()).unwrap();
     let turn = Matrix3::from_fn(|r, c| truth.pointer(&format!("/camera/R/{r}/{c}")).unwrap().as_f64().unwrap());
     let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));

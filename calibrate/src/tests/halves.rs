@@ -4,9 +4,9 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use raven::camera::Pinhole;
+use raven_tests::shared;
 use rayon::prelude::*;
 
-use super::real::data;
 use crate::board::{Board, BoardSize};
 use crate::calibration::{Calibration, Options, Shot, calibrate};
 use crate::linear::{CAMERA, PAIR};
@@ -32,8 +32,8 @@ fn differences(one: &Calibration, other: &Calibration) -> Option<[Vec<f64>; 3]> 
 
 #[test]
 fn halves_of_the_pictures_differ_by_what_the_deviations_say() {
-    for (folder, extension, square_m) in [("checkerboard/opencv", "jpg", 0.03), ("checkerboard/webcam", "png", 1.0)] {
-        let Some(path) = data(folder) else { continue };
+    for (folder, extension, square_m) in [("data/checkerboard/opencv", "jpg", 0.03), ("data/checkerboard/webcam", "png", 1.0)] {
+        let Some(path) = shared(folder) else { continue };
         let board = Board { size: BoardSize { columns: 9, rows: 6 }, square_m };
         let files = |name: &str| glob::files(&[path.join(format!("{name}*.{extension}")).display().to_string()]).unwrap();
         let pictures = pictures::from_files(&files("left"), &files("right"), board.size).unwrap();

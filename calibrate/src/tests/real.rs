@@ -3,19 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use raven_tests::shared;
 use serde_json::Value;
 
 use crate::{Args, run};
-
-/// Something in `shared/data`; `None`, and a line that says so, where it is not.
-pub fn data(path: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")).join(path);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is not there", path.display());
-    None
-}
 
 /// Runs a command with `--json` added; what it printed, and the JSON.
 pub fn calibrate(args: &[&str]) -> raven::Result<(String, Value)> {
@@ -38,7 +29,7 @@ fn near(value: &Value, pointer: &str, expected: f64, tolerance: f64) {
 
 #[test]
 fn bouguets_pictures_give_his_published_answer() {
-    let Some(folder) = data("checkerboard/opencv") else { return };
+    let Some(folder) = shared("data/checkerboard/opencv") else { return };
     let pattern = |name: &str| folder.join(name).display().to_string();
     let (text, json) =
         calibrate(&["cameras", "--left", &pattern("left*.jpg"), "--right", &pattern("right*.jpg"), "--board", "9x6", "--square", "0.03"])
@@ -63,7 +54,7 @@ fn bouguets_pictures_give_his_published_answer() {
 
 #[test]
 fn unsynchronised_webcams_are_called_out() {
-    let Some(folder) = data("checkerboard/webcam") else { return };
+    let Some(folder) = shared("data/checkerboard/webcam") else { return };
     let pattern = |name: &str| folder.join(name).display().to_string();
     let (text, json) =
         calibrate(&["cameras", "--left", &pattern("left*.png"), "--right", &pattern("right*.png"), "--board", "9x6", "--square", "1"])
@@ -76,8 +67,8 @@ fn unsynchronised_webcams_are_called_out() {
 
 #[test]
 fn the_virtual_labs_cameras_and_their_place_are_found() {
-    let (Some(log), Some(stop), Some(truth)) = (data("lab/board.mcap"), data("lab/hardstop.mcap"), data("lab/truth.json")) else { return };
-    let Some(robot) = data("../robot/raven2-gold.yaml") else { return };
+    let lab = ["board.mcap", "hardstop.mcap", "truth.json"].map(|name| shared(&format!("data/lab/{name}")));
+    let ([Some(log), Some(stop), Some(truth)], Some(robot)) = (lab, shared("robot/raven2-gold.yaml")) else { return };
     let truth: Value = serde_json::from_str(&std::fs::read_to_string(truth).unwrap()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let cameras = folder.path().join("cameras.yaml");

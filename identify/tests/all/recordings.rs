@@ -16,6 +16,7 @@ use raven_identify::motion::Motion;
 use raven_identify::prediction::Predictor;
 use raven_identify::recording::Recordings;
 use raven_identify::{Args, run};
+use raven_tests::shared;
 
 const START: Stamp = Stamp(1_700_000_000_000_000_000);
 const NAMES: [&str; 3] = ["shoulder", "elbow", "insertion"];
@@ -301,11 +302,7 @@ fn wrong_arguments_are_named() {
 /// Independent recordings, where they are: another rigid-body engine, stiction and camera.
 #[test]
 fn the_practice_recordings_read_as_their_labels_say() {
-    let practice = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/practice"));
-    if !practice.is_dir() {
-        eprintln!("SKIPPED: no practice recordings beside the repository.");
-        return;
-    }
+    let Some(practice) = shared("data/practice") else { return };
     let folder = Folder::new();
     nominal::gold().write(&folder.path("robot.yaml")).unwrap();
     let (robot, cameras, result) = (folder.path("robot.yaml"), practice.join("cameras.yaml"), folder.path("result.json"));

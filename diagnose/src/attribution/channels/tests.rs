@@ -1,10 +1,11 @@
 //! How far the gap of a bench closes: simulated ones whose effect is known, and recordings of real ones.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use raven::log::Recording;
 use raven::robot::Robot;
 use raven::simulation::{Motion, Options, Session};
+use raven_tests::shared;
 
 use crate::attribution::{Attribution, Closure, Word, attribute};
 
@@ -53,13 +54,9 @@ fn a_bench_without_an_effect_has_nothing_to_close() {
 
 #[test]
 fn real_benches_have_their_gap() {
-    let shared = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared"));
     for (robot, log, name) in [("bench-emps", "emps_estimation", "carriage force"), ("bench-davinci-tool", "davinci_tool", "jaw torque")] {
-        let [robot, log] = [format!("robot/{robot}.yaml"), format!("data/real/{log}.mcap")].map(|path| shared.join(path));
-        if !robot.exists() || !log.exists() {
-            eprintln!("SKIPPED: {} is not there", log.display());
-            continue;
-        }
+        let files = [format!("robot/{robot}.yaml"), format!("data/real/{log}.mcap")].map(|file| shared(&file));
+        let [Some(robot), Some(log)] = files else { continue };
         let robot = Robot::read(&robot).unwrap();
         let attribution = attribute(&robot, None, &[Recording::read(&log, &(&robot).into()).unwrap()], || {}).unwrap();
         let gap = channel(&attribution, name);

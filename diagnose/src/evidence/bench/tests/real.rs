@@ -1,15 +1,13 @@
 //! Recordings of real hardware; skipped where they are not there.
 
-use std::path::PathBuf;
-
 use raven::effects::Channel;
 use raven::stats::rms;
+use raven_tests::shared;
 
 use super::*;
 use crate::evidence::data::Data;
 use crate::evidence::rows::Rows;
 
-const SHARED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared");
 /// Length of the blocks that are fitted and held out in turn [s].
 const BLOCK_S: f64 = 3.0;
 
@@ -18,11 +16,7 @@ const JOINTS: usize = 0;
 const TORQUES: usize = 1;
 
 fn real(robot: &str, log: &str) -> Option<(Robot, Recording)> {
-    let [robot, log] = [format!("{SHARED}/robot/{robot}"), format!("{SHARED}/data/real/{log}")].map(PathBuf::from);
-    if !robot.exists() || !log.exists() {
-        eprintln!("{} is not there: skipped", log.display());
-        return None;
-    }
+    let (robot, log) = (shared(&format!("robot/{robot}"))?, shared(&format!("data/real/{log}"))?);
     let robot = Robot::read(&robot).unwrap();
     let recording = Recording::read(&log, &MotorSource::from(&robot)).unwrap();
     Some((robot, recording))
