@@ -12,7 +12,7 @@
 use std::path::{Path, PathBuf};
 
 use raven::camera::Cameras;
-use raven::log::{MotorSource, Recording};
+use raven::log::{MotorSource, Recording, Side};
 use raven::robot::Robot;
 use raven::{Error, Result, cli};
 use raven_track::batches;
@@ -77,8 +77,7 @@ pub fn realign(logs: &[PathBuf], robot: &Robot, cameras: &Cameras, moving: &[Mov
 fn look(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker) -> Result<Vec<Glimpse>> {
     let recording = Recording::read(log, &MotorSource::from(robot))?;
     let predictor = Predictor::new(&recording, robot, 0.0)?;
-    let most = recording.topics.iter().filter(|(topic, _)| raven::log::topics::camera_of(topic).is_some()).map(|(_, count)| *count).max();
-    let frames = most.unwrap_or(0).max(1) as usize;
+    let frames = recording.require_images(Side::Left)?.1.max(recording.require_images(Side::Right)?.1) as usize;
     let pair_within_s = batches::pair_within_s(&recording);
     let stride = frames.div_ceil(PAIRS);
     let bar = cli::progress(frames as u64, "looking for the marker");

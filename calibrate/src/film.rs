@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix2, Vector2};
 use raven::camera::Cameras;
 use raven::log::Stamp;
-use raven::stats::median;
+use raven::stats::{median, median_step};
 use raven_track::interpolate::{Interpolated, Sample, Track};
 use raven_track::pace::pace;
 
@@ -51,7 +51,7 @@ impl Film {
     pub fn new(origin: Stamp, seen: Vec<(Stamp, Option<Sighting>)>) -> Self {
         let (stamps, sightings): (Vec<Stamp>, Vec<Option<Sighting>>) = seen.into_iter().unzip();
         let stamps_s: Vec<f64> = stamps.iter().map(|stamp| stamp.seconds_since(origin)).collect();
-        let interval_s = median(&stamps_s.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>()).unwrap_or(f64::INFINITY);
+        let interval_s = median_step(&stamps_s).unwrap_or(f64::INFINITY);
         let time_s = if interval_s < FILM_S { pace(&stamps_s).time_s } else { stamps_s };
         let mut runs: Vec<Option<(Relabel, usize)>> = Vec::with_capacity(sightings.len());
         for k in 0..sightings.len() {

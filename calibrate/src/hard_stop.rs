@@ -11,7 +11,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use raven::camera::Cameras;
 use raven::cli;
-use raven::log::{MotorSource, RAVEN_STATE_TYPE, Recording, Side, Survey, topics};
+use raven::log::{MotorSource, RAVEN_STATE_TYPE, Recording, Side, Survey};
 use raven::robot::{Arm, Robot};
 use raven::{Error, Result};
 use raven_track::batches;
@@ -106,16 +106,12 @@ fn has_motors(survey: &Survey) -> bool {
 /// Refuses a log with a camera of which no frame can be used; `usable` counts the others, left and right.
 fn require_both_cameras(recording: &Recording, usable: [usize; 2]) -> Result<()> {
     let Some(side) = Side::BOTH.into_iter().find(|&side| usable[side as usize] == 0) else { return Ok(()) };
-    let count = |topic: &str| recording.topics.get(topic).copied().unwrap_or(0);
-    let (name, topic) = (side.name(), [topics::compressed(side), topics::raw(side)].into_iter().find(|topic| count(topic) > 0));
-    let message = match topic {
-        Some(topic) => format!(
-            "none of the {} images of the {name} camera on `{topic}` is whole, can be decoded and has the size that was calibrated; both \
-             cameras are needed.",
-            count(topic)
-        ),
-        None => format!("the log has no images of the {name} camera on `{}`; both cameras are needed.", topics::compressed(side)),
-    };
+    let (topic, count) = recording.require_images(side)?;
+    let message = format!(
+        "none of the {count} images of the {} camera on `{topic}` is whole, can be decoded and has the size that was calibrated; both cameras \
+         are needed.",
+        side.name()
+    );
     Err(Error::file(&recording.path, message))
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix2, Point3, Vector2, Vector3};
 use raven::camera::Cameras;
-use raven::log::{MotorSource, Recording, Side, topics};
+use raven::log::{MotorSource, Recording, Side};
 use raven::robot::Robot;
 use raven::{Error, Result, cli, files};
 use raven_identify::motion::Motion;
@@ -51,18 +51,13 @@ impl Moving {
     /// If the recording lacks motors or a camera.
     pub fn follow(log: &Path, robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Self> {
         let recording = Recording::read(log, &MotorSource::from(robot))?;
-        let frames = Side::BOTH.map(|side| {
-            let of = |topic: &str| recording.topics.get(topic).copied().unwrap_or(0);
-            of(topics::compressed(side)).max(of(topics::raw(side)))
-        });
-        let Some(base_from_left) = cameras.base_from_left.filter(|_| frames.iter().all(|&frames| frames > 0)) else {
-            let [left, right] = frames;
-            return Err(Error::file(log, format!("the log has {left} left and {right} right images; both cameras are needed.")));
-        };
+        let frames: u64 = Side::BOTH.into_iter().map(|side| Ok(recording.require_images(side)?.1)).sum::<Result<_>>()?;
+        let base_from_left =
+            cameras.base_from_left.ok_or_else(|| Error::Data("the cameras have no registration to follow the marker by.".to_owned()))?;
         let predictor = Predictor::new(&recording, robot, cameras.latency_s)?;
         let pair_within_s = batches::pair_within_s(&recording);
         let mut tracker = Tracker::new(cameras, base_from_left, &predictor, marker);
-        let bar = cli::progress(frames[0] + frames[1], "following the marker");
+        let bar = cli::progress(frames, "following the marker");
         let counts = batches::for_each_encoded(log, cameras, pair_within_s, |step| {
             tracker.step(step);
             bar.inc(step.iter().flatten().count() as u64);
@@ -85,8 +80,7 @@ impl Moving {
     /// How much later than a left frame the nearest right one is by their stamps, median [s].
     #[must_use]
     pub fn stamps_apart_s(&self) -> f64 {
-        let [left, right] = &self.records;
-        tips::right_minus_left_s(left, right)
+        tips::right_minus_left_s(&self.records)
     }
 
     /// What both cameras saw at the left frames, the right ones taken `right_minus_left_s` before their stamps [s].

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use raven::robot::{HALF_WINDOW_S, MotorTrack};
-use raven::stats::median;
+use raven::stats::median_step;
 
 /// Motor angles of one recording.
 #[derive(Debug, Clone)]
@@ -20,8 +20,7 @@ impl Motion {
         if track.time_s.len() < 2 || track.time_s.len() != track.angle.len() {
             return None;
         }
-        let steps: Vec<f64> = track.time_s.windows(2).map(|w| w[1] - w[0]).collect();
-        let period_s = median(&steps)?;
+        let period_s = median_step(&track.time_s)?;
         let gaps_s = track.time_s.windows(2).filter(|w| w[1] - w[0] > longest_joined_s).map(|w| [w[0], w[1]]).collect();
         Some(Self { track, half_window_s: HALF_WINDOW_S.max(period_s), gaps_s })
     }

@@ -22,6 +22,12 @@ pub fn median(values: &[f64]) -> Option<f64> {
     if is_odd { Some(above) } else { below.iter().copied().reduce(f64::max).map(|below| 0.5 * (below + above)) }
 }
 
+/// Median step from each value to the next, as between the times of a series; `None` of fewer than two.
+#[must_use]
+pub fn median_step(values: &[f64]) -> Option<f64> {
+    median(&values.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<f64>>())
+}
+
 /// Standard deviation of a normal distribution by the median size of deviations from its middle, which outliers hardly move (Hampel 1974);
 /// `None` of nothing.
 #[must_use]

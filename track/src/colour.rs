@@ -83,12 +83,6 @@ impl MarkerColour {
         [low, high, share(self.min_saturation), share(self.min_value)]
     }
 
-    /// Whether a pixel has the colour.
-    #[must_use]
-    pub fn is(&self, pixel: Rgb<u8>) -> bool {
-        is_within(pixel, self.opencv_bounds())
-    }
-
     /// White where a pixel of `image` within `region` has the colour, black elsewhere; as large as the region.
     ///
     /// The region must lie in the image: see [`Region::clipped`].
@@ -104,10 +98,14 @@ impl MarkerColour {
     }
 }
 
+/// Whether a hue is within a range on the circle, bounds included.
+pub fn is_between<T: PartialOrd>(hue: T, [from, to]: [T; 2]) -> bool {
+    if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to }
+}
+
 fn is_within(pixel: Rgb<u8>, [from, to, min_saturation, min_value]: [u8; 4]) -> bool {
     let [hue, saturation, value] = hsv(pixel);
-    let hue_fits = if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to };
-    hue_fits && saturation >= min_saturation && value >= min_value
+    is_between(hue, [from, to]) && saturation >= min_saturation && value >= min_value
 }
 
 #[cfg(test)]
@@ -152,7 +150,7 @@ mod tests {
             let mask = colour.mask(&image, region);
             for (x, y) in (0..region.height).flat_map(|y| (0..region.width).map(move |x| (x, y))) {
                 let pixel = *image.get_pixel(region.x + x, region.y + y);
-                prop_assert_eq!(mask.get(x as i32, y as i32), colour.is(pixel), "{:?} {:?}", pixel, colour);
+                prop_assert_eq!(mask.get(x as i32, y as i32), is_within(pixel, colour.opencv_bounds()), "{:?} {:?}", pixel, colour);
             }
         }
     }

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 /// Longest step between frames that is bridged, in frame intervals: one frame and a jitter, less than two.
-const LONGEST_STEP: f64 = 1.6;
+pub const LONGEST_STEP: f64 = 1.6;
 
 /// One frame of a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +46,7 @@ impl Track {
     #[must_use]
     pub fn new(samples: Vec<Sample>, jitter_s: f64) -> Self {
         let times: Vec<f64> = samples.iter().map(|s| s.time_s).collect();
-        let interval_s = median_step(&times).unwrap_or(0.0);
+        let interval_s = raven::stats::median_step(&times).unwrap_or(0.0);
         Self { samples, interval_s, jitter_s }
     }
 
@@ -119,11 +119,6 @@ impl Track {
 /// Covariance of what all cameras err by alike [px^2].
 fn alike(std_px: f64) -> Matrix2<f64> {
     Matrix2::identity() * std_px.powi(2)
-}
-
-fn median_step(times_s: &[f64]) -> Option<f64> {
-    let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    raven::stats::median(&steps)
 }
 
 #[cfg(test)]

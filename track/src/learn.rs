@@ -16,10 +16,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::appearance::Appearance;
-use crate::colour::{MarkerColour, hsv};
+use crate::colour::{MarkerColour, hsv, is_between};
 use crate::look::Marker;
 use crate::marker::Centre;
-use crate::marker_position::{Gathered, Place, the_only};
+use crate::marker_position::{Gathered, Place, at_one_place, the_only};
 use crate::{Colour, batches};
 
 /// Width of a sector and from one to the next [deg]: every colour is well within one of them.
@@ -29,8 +29,6 @@ const NEXT_DEG: usize = 20;
 const PAIRS: usize = 60;
 /// A place seen in a smaller part of the pairs is not at rest.
 const LEAST_SHARE: f64 = 0.5;
-/// Places of two sectors nearer than this, relative to their distance, are one.
-const SAME_PLACE: f64 = 0.02;
 /// Part of the radius whose pixels are all marker.
 const INNER: f64 = 0.7;
 /// The surroundings that count as background, in radii.
@@ -146,7 +144,7 @@ fn distinct(mut seen: Vec<Place>) -> Vec<Place> {
     seen.sort_by_key(|place| std::cmp::Reverse(place.frames));
     let mut places: Vec<Place> = Vec::new();
     for place in seen {
-        let near = |other: &Place| (other.point_left - place.point_left).norm() < SAME_PLACE * place.point_left.norm();
+        let near = |other: &Place| at_one_place(&other.point_left, &place.point_left);
         if !places.iter().any(near) {
             places.push(place);
         }
@@ -171,7 +169,7 @@ fn colour_at(log: &Path, cameras: &Cameras, place: &Place, radius_m: f64) -> Res
     })?;
     let Some(colour) = ranges(&inner, &around) else { return Ok(None) };
     let has = |&&[hue, saturation, value]: &&Hsv| {
-        is_within(hue, colour.hue_deg) && saturation >= colour.min_saturation && value >= colour.min_value
+        is_between(hue, colour.hue_deg) && saturation >= colour.min_saturation && value >= colour.min_value
     };
     Ok(Some((colour, around.iter().filter(has).count() as f64 / around.len().max(1) as f64)))
 }
@@ -190,10 +188,6 @@ fn ring<'i>(image: &'i RgbImage, centre: &Vector2<f64>, [from, to]: [f64; 2]) ->
     })
 }
 
-fn is_within(hue: f64, [from, to]: [f64; 2]) -> bool {
-    if from <= to { (from..=to).contains(&hue) } else { hue >= from || hue <= to }
-}
-
 /// Ranges that hold the marker's pixels and as few of those around it as that allows.
 fn ranges(marker: &[Hsv], around: &[Hsv]) -> Option<MarkerColour> {
     let (sin, cos) = marker.iter().fold((0.0, 0.0), |(sin, cos), [hue, saturation, _]| {
@@ -204,7 +198,7 @@ fn ranges(marker: &[Hsv], around: &[Hsv]) -> Option<MarkerColour> {
     let off: Vec<f64> = marker.iter().map(|[hue, ..]| (hue - middle + 540.0).rem_euclid(360.0) - 180.0).collect();
     let half = (SIGMAS * robust_std(&off)?).clamp(HALF_WIDTH_DEG[0], HALF_WIDTH_DEG[1]);
     let hue_deg = [middle - half, middle + half].map(|hue| hue.round().rem_euclid(360.0));
-    let alike: Vec<&Hsv> = around.iter().filter(|[hue, ..]| is_within(*hue, hue_deg)).collect();
+    let alike: Vec<&Hsv> = around.iter().filter(|[hue, ..]| is_between(*hue, hue_deg)).collect();
     // Between what nearly all of the marker has and what hardly any background of its hue has, where there is room.
     let least = |of: usize, lowest: f64| -> Option<f64> {
         let [low] = quantiles(&marker.iter().map(|p| p[of]).collect::<Vec<f64>>(), [TAIL])?;

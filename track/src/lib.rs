@@ -48,7 +48,7 @@ use std::time::Instant;
 use clap::{Parser, Subcommand};
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::{MotorSource, Recording, Side, topics};
+use raven::log::{MotorSource, Recording, Side};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
@@ -166,12 +166,12 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
     })?;
     let recording = Recording::read(&args.log, &MotorSource::from(&robot))?;
     let predictor = Predictor::new(&recording, &robot, cameras.latency_s)?;
-    let frames = frames_of_both(&recording)?;
+    let frames: u64 = Side::BOTH.into_iter().map(|side| Ok(recording.require_images(side)?.1)).sum::<Result<_>>()?;
 
     let marker = appearance.marker(if args.refine { Centre::Refined } else { args.centre });
     let mut tracker = Tracker::new(&cameras, base_from_left, &predictor, marker);
     let pair_within_s = batches::pair_within_s(&recording);
-    let bar = cli::progress(frames[0] + frames[1], "tracking");
+    let bar = cli::progress(frames, "tracking");
     let mut album = args.html.as_ref().map(|_| Album::new(marker.colour));
     let counts = batches::for_each_encoded(&args.log, &cameras, pair_within_s, |step| {
         let looked = tracker.step(step);
@@ -211,21 +211,6 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
     let report = Report { seconds, pairs_per_second: report.pairs as f64 / seconds.max(1e-9), ..report };
     cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     Ok(if report.has_lost_data() { Outcome::DataLost } else { Outcome::Done })
-}
-
-/// Number of frames, left and right.
-fn frames_of_both(recording: &Recording) -> Result<[u64; 2]> {
-    let count = |side: Side| {
-        let of = |topic: &str| recording.topics.get(topic).copied().filter(|&count| count > 0);
-        of(topics::compressed(side)).or_else(|| of(topics::raw(side))).ok_or_else(|| {
-            let topic = topics::compressed(side);
-            Error::file(
-                &recording.path,
-                format!("the log has no images of the {} camera on `{topic}`; both cameras are needed.", side.name()),
-            )
-        })
-    };
-    Ok([count(Side::Left)?, count(Side::Right)?])
 }
 
 fn never_seen(args: &Track, appearance: &Appearance, followed: &Followed, undecodable: usize) -> Error {

@@ -23,9 +23,6 @@ pub const BALL_REGION_PX: f64 = 48.0;
 const FIRST_REGION_PX: f64 = 300.0;
 /// The region is at least so many radii of the marker wide.
 const REGION_RADII: f64 = 6.0;
-/// What is flatter or less like an ellipse is no ball, even in motion.
-const MIN_ASPECT: f64 = 0.6;
-const MIN_FILL: f64 = 0.9;
 
 /// What the marker looks like.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,8 +110,7 @@ impl Search {
     /// A blob of the part of the frame that begins at `corner`.
     fn candidate(&self, blobs: &Blobs<'_>, blob: &Blob, corner: [u32; 2], radius_px: f64) -> Option<Candidate> {
         let share = blob.area_px / (PI * radius_px * radius_px);
-        let round = blob.aspect >= MIN_ASPECT && blob.ellipse_fill >= MIN_FILL;
-        (round && !blob.cut_off && self.size.fits(share)).then(|| {
+        (blob.is_round() && !blob.cut_off && self.size.fits(share)).then(|| {
             let ball = blobs.centre(blob, self.marker.centre);
             let seen_px = ball.centre_px + Vector2::from(corner.map(f64::from));
             let centre = match self.marker.centre {

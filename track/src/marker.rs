@@ -112,6 +112,18 @@ pub struct Blob {
     bounds: Bounds,
 }
 
+/// What is flatter or less like an ellipse is no ball, even in motion.
+const MIN_ASPECT: f64 = 0.6;
+const MIN_FILL: f64 = 0.9;
+
+impl Blob {
+    /// Whether it may be a ball by its shape.
+    #[must_use]
+    pub fn is_round(&self) -> bool {
+        self.aspect >= MIN_ASPECT && self.ellipse_fill >= MIN_FILL
+    }
+}
+
 /// Standard deviation per axis of a contour's centroid [px]. On rendered balls 0.12 px under even light and 0.19 px with JPEG
 /// compression; 0.20 to 0.33 px under light from one side, which shifts the contour.
 pub const CONTOUR_STD_PX: f64 = 0.30;

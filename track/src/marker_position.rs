@@ -43,9 +43,6 @@ pub struct Gathered {
     places: Vec<Vec<Vector3<f64>>>,
 }
 
-/// What is flatter or less like an ellipse is no ball.
-const MIN_ASPECT: f64 = 0.6;
-const MIN_FILL: f64 = 0.9;
 /// Rays meet if chi-square, one degree of freedom, is below its 99.9 % quantile for noise three times as large as the blobs claim: shading
 /// moves both centres.
 const LARGEST_CHI2: f64 = 9.0 * 10.83;
@@ -65,7 +62,7 @@ impl Gathered {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut taken: Vec<usize> = Vec::new();
         for (_, point) in points {
-            let near = |place: &Vec<Vector3<f64>>| (place[place.len() - 1] - point).norm() < SAME_PLACE * point.norm();
+            let near = |place: &Vec<Vector3<f64>>| at_one_place(&place[place.len() - 1], &point);
             let index = self.places.iter().position(near).unwrap_or_else(|| {
                 self.places.push(Vec::new());
                 self.places.len() - 1
@@ -92,6 +89,12 @@ impl Gathered {
         places.sort_by_key(|p| std::cmp::Reverse(p.frames));
         places
     }
+}
+
+/// Whether two points before a camera [m] are too near each other to be two markers.
+#[must_use]
+pub fn at_one_place(one: &Vector3<f64>, other: &Vector3<f64>) -> bool {
+    (one - other).norm() < SAME_PLACE * other.norm()
 }
 
 /// Chi-square and place, in the left camera's frame [m], of all that can be the marker in a pair of images.
@@ -129,7 +132,7 @@ pub fn the_only(log: &Path, places: &[Place], none: impl FnOnce() -> String) -> 
 
 fn discs(image: &RgbImage, camera: &Pinhole, marker: &Marker) -> Vec<Disc> {
     let blobs = Blobs::find(image, None, &marker.colour);
-    let round = blobs.found.iter().filter(|b| !b.cut_off && b.aspect >= MIN_ASPECT && b.ellipse_fill >= MIN_FILL);
+    let round = blobs.found.iter().filter(|blob| !blob.cut_off && blob.is_round());
     let disc = |ball: Ball| Disc {
         centre_px: ball_centre(camera, &ball.centre_px, ball.radius_px),
         covariance_px2: ball.covariance_px2(),

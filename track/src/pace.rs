@@ -11,7 +11,7 @@
 //! recursion (1965): a steady camera's frames are known to a seventh of the stamps' scatter, while one whose interval truly varies (`q` large)
 //! keeps its stamps. At 50 mm/s and 0.35 m a scatter of 1 ms is 0.1 px, as much as the marker's centre is uncertain by.
 
-use raven::stats::{median, robust_std};
+use raven::stats::{median, median_step, robust_std};
 
 /// When the frames of one camera were taken.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +55,7 @@ pub fn pace(stamps_s: &[f64]) -> Pace {
         return Pace { std_s: scatter_s, jitter_s: scatter_s, ..as_they_are };
     }
     let noise = Noise { scatter, wander: wander.max(LEAST_WANDER * scatter) };
-    let interval_s = interval(stamps_s);
+    let interval_s = median_step(stamps_s).unwrap_or(0.0);
     let (mut time_s, mut variance, mut late) = (Vec::with_capacity(stamps_s.len()), 0.0, 0);
     for run in stamps_s.chunk_by(|a, b| b - a < LONGEST_GAP * interval_s) {
         let smoothed = smooth(run, interval_s, noise);
@@ -148,13 +148,9 @@ fn slope(number: &[f64], stamps_s: &[f64]) -> f64 {
     line(&|k| misses[k] <= GATE_SIGMAS * usual).0
 }
 
-fn interval(stamps_s: &[f64]) -> f64 {
-    median(&stamps_s.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>()).unwrap_or(0.0)
-}
-
 /// Robust standard deviation of the steps over `m` frames about whole multiples of the interval [s].
 fn step_scatter(stamps_s: &[f64], m: usize) -> Option<f64> {
-    let interval = Some(interval(stamps_s)).filter(|&interval| interval > 0.0)?;
+    let interval = median_step(stamps_s).filter(|&interval| interval > 0.0)?;
     let steps: Vec<f64> = stamps_s.windows(m + 1).map(|w| w[m] - w[0]).collect();
     // The usual step over m frames; those with a missing frame in them are longer by whole intervals.
     let usual = median(&steps)?;

@@ -15,7 +15,7 @@
 use nalgebra::{Matrix2, Vector2};
 use raven::log::Stamp;
 
-use crate::interpolate::{Interpolated, Sample, Track};
+use crate::interpolate::{Interpolated, LONGEST_STEP, Sample, Track};
 use crate::look::Candidate;
 use crate::pace::{Pace, pace};
 use crate::response::Response;
@@ -102,14 +102,12 @@ struct Real {
 const PART_STD: f64 = 0.5;
 /// Misses beyond so many standard deviations come from elsewhere.
 const MISS_SIGMAS: f64 = 4.0;
-/// Longest step between frames that follow one another, in their usual step.
-const LONGEST_STEP: f64 = 1.6;
 
 impl Real {
     /// From a track at the pace's times and the scatter of its stamps [s].
     fn of(samples: &[Sample], scatter_s: &[f64]) -> Self {
-        let steps: Vec<f64> = samples.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
-        let longest_s = LONGEST_STEP * raven::stats::median(&steps).unwrap_or(0.0);
+        let times: Vec<f64> = samples.iter().map(|s| s.time_s).collect();
+        let longest_s = LONGEST_STEP * raven::stats::median_step(&times).unwrap_or(0.0);
         let (mut information, mut along) = (PART_STD.powi(-2), 0.0);
         for (five, scatter_s) in samples.windows(5).zip(scatter_s.windows(5)) {
             let joined = five.windows(2).all(|w| w[1].time_s - w[0].time_s <= longest_s);

@@ -1,12 +1,12 @@
 //! Tip observations from the two cameras' tracks: one for each left frame, with the right track interpolated at its time.
 
-use nalgebra::{Isometry3, Matrix2, Matrix3, Matrix3x4, Matrix4, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix3x4, Matrix4, Point3, Vector3};
 use raven::camera::{Cameras, StereoPoint};
-use raven::log::{Stamp, TipObservation, TipStatus};
+use raven::log::{CameraSkew, Stamp, TipObservation, TipStatus};
 
 use crate::interpolate::Interpolated;
 use crate::stereo::StereoTrack;
-use crate::tracker::{CALIBRATION_STD_PX, EPIPOLAR_CHI2, Record, Sighting};
+use crate::tracker::{Record, Sighting, meet};
 
 /// Observations and what was found out on the way.
 #[derive(Debug, Clone)]
@@ -60,7 +60,7 @@ pub fn tips(cameras: &Cameras, base_from_left: &Isometry3<f64>, frame_id: &str, 
             }
         })
         .collect();
-    Tips { tips, right_minus_left_s: right_minus_left_s(left, right), jitter_s: stereo.jitter_s() }
+    Tips { tips, right_minus_left_s: right_minus_left_s(records), jitter_s: stereo.jitter_s() }
 }
 
 /// Step of the difference quotients [px].
@@ -72,12 +72,8 @@ const STEP_PX: f64 = 0.01;
 #[must_use]
 pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<StereoPoint> {
     let pixels = seen.map(|s| s.pixel);
-    let calibration = Matrix2::identity() * (CALIBRATION_STD_PX * CALIBRATION_STD_PX);
-    let meet = cameras.triangulate(&pixels, &seen.map(|s| s.covariance + calibration))?;
-    if meet.chi2 >= EPIPOLAR_CHI2 {
-        return None;
-    }
     let covariances = seen.map(|s| s.covariance);
+    meet(cameras, &pixels, &covariances)?;
     let point = cameras.triangulate(&pixels, &covariances)?;
     let mut slope = Matrix3x4::zeros();
     for k in 0..4 {
@@ -99,26 +95,17 @@ pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<Stereo
     Some(StereoPoint { covariance: slope * of_pixels * slope.transpose(), ..point })
 }
 
-/// The frames before and after a time, of which either may be missing.
-fn around(records: &[Record], stamp: Stamp) -> [Option<&Record>; 2] {
-    let after = records.partition_point(|r| r.stamp < stamp);
-    [after.checked_sub(1).and_then(|before| records.get(before)), records.get(after)]
-}
-
 /// Whether the marker was rejected in one of the frames around a time, and hidden in none.
 fn is_rejected_near(records: &[Record], stamp: Stamp) -> bool {
-    let near = around(records, stamp);
+    let after = records.partition_point(|r| r.stamp < stamp);
+    let near = [after.checked_sub(1).and_then(|before| records.get(before)), records.get(after)];
     let is = |wanted: fn(&Sighting) -> bool| near.iter().flatten().any(|r| wanted(&r.sighting));
     is(|s| matches!(s, Sighting::Rejected(_))) && !is(|s| matches!(s, Sighting::Hidden))
 }
 
-/// Median over the left frames of the offset of the nearest right frame [s]; NaN without frames.
+/// By how much right frames are later than left ones [s]; NaN without frames.
 #[must_use]
-pub fn right_minus_left_s(left: &[Record], right: &[Record]) -> f64 {
-    let nearest = |record: &Record| {
-        let offsets = around(right, record.stamp).into_iter().flatten().map(|r| r.stamp.seconds_since(record.stamp));
-        offsets.min_by(|a, b| a.abs().total_cmp(&b.abs()))
-    };
-    let offsets: Vec<f64> = left.iter().filter_map(nearest).collect();
-    raven::stats::median(&offsets).unwrap_or(f64::NAN)
+pub fn right_minus_left_s(records: &[Vec<Record>; 2]) -> f64 {
+    let [left, right] = records.each_ref().map(|records| records.iter().map(|record| record.stamp).collect::<Vec<Stamp>>());
+    CameraSkew::of(&left, &right).map_or(f64::NAN, |skew| skew.right_minus_left_s)
 }

@@ -6,7 +6,7 @@
 
 use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector2, Vector3};
 use raven::Result;
-use raven::camera::Cameras;
+use raven::camera::{Cameras, StereoPoint};
 use raven::log::{CameraFrame, Side, Stamp};
 
 use crate::lock::Lock;
@@ -18,7 +18,7 @@ use crate::reason::Reason;
 /// Standard deviation of what calibration leaves between the cameras [px].
 pub const CALIBRATION_STD_PX: f64 = 0.5;
 /// Chi-square with one degree of freedom that is exceeded by chance in 1 of 10000: the rays do not meet.
-pub const EPIPOLAR_CHI2: f64 = 15.1;
+const EPIPOLAR_CHI2: f64 = 15.1;
 /// Standard deviation of a candidate's area, logarithmic: mask edges, light, motion blur.
 const AREA_STD: f64 = 0.3;
 
@@ -200,10 +200,7 @@ impl<'a> Tracker<'a> {
     fn pair(&self, chosen: [Candidate; 2], left: &Look, right: &Look, time_s: f64) -> Option<Pair> {
         let moved = view(self.cameras, Side::Right, &(left.tip + self.lock.offset_m()))?.pixel - right.expected.pixel;
         let pixels = [chosen[0].centre, chosen[1].centre + moved];
-        let point = triangulate(self.cameras, &pixels, &chosen.map(|c| c.covariance_px2()))?;
-        if point.chi2 > EPIPOLAR_CHI2 {
-            return None;
-        }
+        let point = meet(self.cameras, &pixels, &chosen.map(|c| c.covariance_px2()))?;
         let tip = (self.base_from_left * Point3::from(point.point_left)).coords;
         let rotation = self.base_from_left.rotation.to_rotation_matrix();
         let covariance = rotation * point.covariance * rotation.transpose();
@@ -218,8 +215,9 @@ impl<'a> Tracker<'a> {
     }
 }
 
-/// The point that two pixels make, with `chi2` against their covariance [px^2] and the calibration's error.
-fn triangulate(cameras: &Cameras, pixels: &[Vector2<f64>; 2], covariance: &[Matrix2<f64>; 2]) -> Option<raven::camera::StereoPoint> {
+/// The point that two pixels of a covariance [px^2] make, the calibration's error added to it; `None` where their rays do not meet.
+#[must_use]
+pub fn meet(cameras: &Cameras, pixels: &[Vector2<f64>; 2], covariance: &[Matrix2<f64>; 2]) -> Option<StereoPoint> {
     let calibration = Matrix2::identity() * (CALIBRATION_STD_PX * CALIBRATION_STD_PX);
-    cameras.triangulate(pixels, &covariance.map(|c| c + calibration))
+    cameras.triangulate(pixels, &covariance.map(|c| c + calibration)).filter(|point| point.chi2 <= EPIPOLAR_CHI2)
 }

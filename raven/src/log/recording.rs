@@ -9,7 +9,7 @@ use super::joints::{JointDecoder, JointSample};
 use super::robot_state::{ARM_JOINTS, StateDecoder};
 use super::series::{SeriesBuilder, columns};
 use super::tip::TipDecoder;
-use super::{Channel, Item, JointSeries, RawMessage, Stamp, StreamQuality, TipObservation, TipStatus, Walker, topics};
+use super::{Channel, Item, JointSeries, RawMessage, Side, Stamp, StreamQuality, TipObservation, TipStatus, Walker, topics};
 use crate::robot::{ArmSide, KinematicsKind, Robot, SourceFormat};
 use crate::{Error, Result};
 
@@ -133,6 +133,19 @@ impl Recording {
     #[must_use]
     pub fn name(&self) -> String {
         self.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    }
+
+    /// Topic and number of the images of a camera: of the JPEG ones, where there are any.
+    ///
+    /// # Errors
+    /// A sentence with the file and the topic on which they are expected.
+    pub fn require_images(&self, side: Side) -> Result<(&'static str, u64)> {
+        let of = |topic: &'static str| Some((topic, self.topics.get(topic).copied().filter(|&count| count > 0)?));
+        of(topics::compressed(side)).or_else(|| of(topics::raw(side))).ok_or_else(|| {
+            let message =
+                format!("the log has no images of the {} camera on `{}`; both cameras are needed.", side.name(), topics::compressed(side));
+            Error::file(&self.path, message)
+        })
     }
 
     fn missing(&self, topic: &str, needed: &str, advice: &str) -> Error {

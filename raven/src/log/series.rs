@@ -1,7 +1,7 @@
 //! Joint positions and efforts over time.
 
 use super::{Stamp, StreamQuality};
-use crate::stats::median;
+use crate::stats::median_step;
 
 /// Samples this close are joined by a straight line even in a fast stream: at 10 rad/s^2 the line is off by at most 0.5 mrad.
 const JOINED_S: f64 = 0.02;
@@ -26,8 +26,7 @@ impl JointSeries {
     /// A series of `position[joint][sample]` at strictly increasing times.
     #[must_use]
     pub fn new(names: Vec<String>, time_s: Vec<f64>, position: Vec<Vec<f64>>, effort: Option<Vec<Vec<f64>>>) -> Self {
-        let intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let joined_s = median(&intervals).map_or(JOINED_S, |median| (JOINED_INTERVALS * median).max(JOINED_S));
+        let joined_s = median_step(&time_s).map_or(JOINED_S, |median| (JOINED_INTERVALS * median).max(JOINED_S));
         Self { names, time_s, position, effort, joined_s }
     }
 

@@ -84,6 +84,10 @@ fn frames_of_both_kinds() {
     let stamps: Vec<(Side, Stamp)> = all.iter().map(|frame| (frame.side, frame.stamp)).collect();
     assert_eq!(frame_stamps(&path).unwrap(), stamps);
 
+    let recording = Recording::read(&path, &MotorSource::default()).unwrap();
+    let images = Side::BOTH.map(|side| recording.require_images(side).unwrap());
+    assert_eq!(images, [(topics::LEFT_COMPRESSED, 3), (topics::RIGHT_RAW, 3)]);
+
     let survey = Survey::of(&path).unwrap();
     let left = survey.topic(topics::LEFT_COMPRESSED).unwrap();
     assert_eq!((left.truncated_frames, left.missing_frames), (1, 2));
@@ -161,6 +165,8 @@ fn what_is_missing_is_named() {
     let error = recording.require_tip().unwrap_err().to_string();
     assert!(error.contains("log.mcap") && error.contains("`/tip`") && error.contains("`/motor/joint_states`"), "{error}");
     assert!(recording.require_joint_encoders().is_err());
+    let error = recording.require_images(Side::Right).unwrap_err().to_string();
+    assert!(error.contains("log.mcap") && error.contains("right camera on `/stereo/right/image_raw/compressed`"), "{error}");
     let error = frames(&path).unwrap().next().unwrap().unwrap_err().to_string();
     assert!(error.contains("no camera images") && error.contains("`/motor/joint_states`"), "{error}");
     // The robot file expects the other kind of message.
