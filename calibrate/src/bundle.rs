@@ -43,8 +43,6 @@ pub struct Solution {
     pub cost: f64,
     /// Largest cosine between the residuals and a column of their Jacobian: 0 at the optimum.
     pub gradient: f64,
-    /// Linearisations used.
-    pub iterations: usize,
     /// Normal equations there, one block per view, fixed parameters struck out.
     pub blocks: Vec<Block>,
 }
@@ -85,7 +83,7 @@ pub fn solve(mut rig: Rig, views: &[View], free: Free, huber: Huber) -> Option<S
         }
     }
     let gradient = steepest(&blocks, cost);
-    Some(Solution { rig, cost, gradient, iterations, blocks })
+    Some(Solution { rig, cost, gradient, blocks })
 }
 
 /// Normal equations of all views, the rows and columns of fixed parameters struck out.

@@ -39,8 +39,6 @@ pub struct Calibration {
     pub unmatched: Vec<usize>,
     /// Largest cosine between residuals and a column of their Jacobian: 0 at the optimum.
     pub gradient: f64,
-    /// Linearisations of the last solution.
-    pub iterations: usize,
     /// What the cameras together were fitted to: first the pairs, then boards seen by one camera alone; as the rig's boards.
     pub views: Vec<View>,
     /// Index of the shot of each view.
@@ -150,7 +148,6 @@ pub fn calibrate(shots: &[Shot], sizes_px: [(u32, u32); 2], board: &Board, optio
         pairs,
         unmatched,
         gradient: solution.gradient,
-        iterations: solution.iterations,
         rig: solution.rig,
         mono,
         views,

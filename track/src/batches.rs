@@ -25,8 +25,6 @@ pub fn pair_within_s(recording: &Recording) -> f64 {
 /// How many frames there were and what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Frames in the log, left and right.
-    pub frames: [usize; 2],
     /// Frames that were cut off or could not be decoded.
     pub undecodable: usize,
     /// Frames of another size than the camera was calibrated at.
@@ -156,7 +154,6 @@ impl<F: Send, O: Fn(CameraFrame) -> Option<F> + Sync + Send> Source<'_, O> {
     /// Whether a frame is whole and as large as was calibrated.
     fn admits(&mut self, frame: &CameraFrame) -> bool {
         let k = frame.side as usize;
-        self.counts.frames[k] += 1;
         let Some(size) = frame.size().ok().filter(|_| !frame.is_truncated()) else {
             self.counts.undecodable += 1;
             return false;

@@ -69,14 +69,6 @@ impl LogWriter {
         }
         Ok(good_bytes)
     }
-
-    /// Puts what was flushed on the disk, which keeps it if the power fails.
-    ///
-    /// # Errors
-    /// If the disk fails.
-    pub fn sync(&self) -> Result<()> {
-        self.file.sync_data().map_err(|e| Error::io(&self.path, "sync", e))
-    }
 }
 
 /// Completes a live log that could not be written on, as on a full disk: takes off what is beyond its good bytes, ends it there without an index,

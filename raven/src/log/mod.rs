@@ -57,5 +57,4 @@ pub use stamp::Stamp;
 pub use survey::{StoredFile, Survey, TipCounts, TopicSurvey};
 pub use tip::{TipObservation, TipStatus};
 pub use walk::{Attachment, Channel, Damage, Item, RawMessage, Walker};
-pub use write_protobuf::CameraInfo;
 pub use writer::{CAMERAS_FILE, ChannelId, LogWriter, ROBOT_FILE, SchemaRef, Times};

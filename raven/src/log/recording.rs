@@ -7,7 +7,7 @@ use super::converter::Converters;
 use super::header::StampReader;
 use super::joints::{JointDecoder, JointSample};
 use super::robot_state::{ARM_JOINTS, StateDecoder};
-use super::series::{SeriesBuilder, columns};
+use super::series::SeriesBuilder;
 use super::tip::TipDecoder;
 use super::{Channel, Item, JointSeries, RawMessage, Side, Stamp, StreamQuality, TipObservation, TipStatus, Walker, topics};
 use crate::robot::{ArmSide, KinematicsKind, Robot, SourceFormat};
@@ -59,8 +59,6 @@ pub struct Recording {
     pub motor: Option<JointSeries>,
     /// Joint angles as the robot's controller has them (rad, rad, m), from `raven_state`.
     pub controller_joints: Option<JointSeries>,
-    /// Raw encoder counts `[joint][sample]` at the samples of `motor`, from `raven_state`; the arm's sign is not applied.
-    pub encoder_counts: Option<Vec<Vec<i32>>>,
     /// Reference encoders at the joints (rad or m), in the same order, with the load there as effort.
     pub joint_encoders: Option<JointSeries>,
     /// Tip observations in the order of time. One without finite numbers counts as occluded.
@@ -181,7 +179,6 @@ struct Reader<'s> {
     sample: JointSample,
     motor: Option<SeriesBuilder>,
     controller: SeriesBuilder,
-    counts: Vec<i32>,
     converters: Converters,
     encoders: Option<SeriesBuilder>,
     tip: Vec<TipObservation>,
@@ -201,7 +198,6 @@ impl<'s> Reader<'s> {
             sample: JointSample::default(),
             motor: None,
             controller: SeriesBuilder::new(ARM_JOINTS.map(String::from).to_vec()),
-            counts: Vec::new(),
             converters: Converters::default(),
             encoders: None,
             tip: Vec::new(),
@@ -270,7 +266,6 @@ impl<'s> Reader<'s> {
                 if let Some((torque, steps)) = sample.torque.zip(sample.steps) {
                     self.converters.push(&torque, &steps);
                 }
-                self.counts.extend(sample.counts.into_iter().flatten());
             }
             Handler::Motor(decoder) => push_joints(&mut self.motor, decoder, message, &mut self.sample),
             Handler::Encoders(decoder) => push_joints(&mut self.encoders, decoder, message, &mut self.sample),
@@ -317,14 +312,14 @@ impl<'s> Reader<'s> {
             (self.tip_quality.without_stamp, self.tip_quality.non_finite, self.tip_quality.undecodable);
         let mut problems = self.problems;
         let mut finish = |builder: Option<SeriesBuilder>, topic: &str, joints: &[String]| {
-            let (series, of_topic, order) = builder?.finish(start);
+            let (series, of_topic) = builder?.finish(start);
             if series.is_empty() {
                 let bad = of_topic.undecodable + of_topic.non_finite;
                 problems.insert(topic.to_owned(), format!("none of its {bad} messages holds a finite position"));
             }
             quality.insert(topic.to_owned(), of_topic);
             let ordered = series.ordered_by(joints).map_err(|problem| problems.insert(topic.to_owned(), problem)).ok()?;
-            (!ordered.is_empty()).then_some((ordered, order))
+            (!ordered.is_empty()).then_some(ordered)
         };
         // The robot's own message has its joints at their places, whatever the robot file calls them.
         let of_motor: &[String] = match self.source.format {
@@ -332,7 +327,7 @@ impl<'s> Reader<'s> {
             SourceFormat::JointState => &self.source.joints,
         };
         let mut motor = finish(self.motor, &self.source.topic, of_motor);
-        if let Some(torques) = motor.as_mut().and_then(|(series, _)| series.effort.as_mut()) {
+        if let Some(torques) = motor.as_mut().and_then(|series| series.effort.as_mut()) {
             self.converters.clip(torques);
         }
         let encoders = finish(self.encoders, topics::JOINT_ENCODERS, &self.source.joints);
@@ -341,20 +336,15 @@ impl<'s> Reader<'s> {
         }
         self.tip.sort_by_key(|tip| tip.stamp);
         self.tip.dedup_by_key(|tip| tip.stamp);
-        let (controller, _, _) = self.controller.finish(start);
-        let encoder_counts = motor.as_ref().and_then(|(_, order)| {
-            let counts = columns(&self.counts, ARM_JOINTS.len(), order);
-            counts.iter().all(|joint| joint.len() == order.len()).then_some(counts)
-        });
+        let (controller, _) = self.controller.finish(start);
         Ok(Recording {
             path: path.to_owned(),
             start,
             duration_s: end.seconds_since(start),
             session: self.session,
-            motor: motor.map(|(series, _)| series),
+            motor,
             controller_joints: (!controller.is_empty()).then_some(controller),
-            encoder_counts,
-            joint_encoders: encoders.map(|(series, _)| series),
+            joint_encoders: encoders,
             tip: self.tip,
             frame_interval_s,
             attachments: self.attachments,

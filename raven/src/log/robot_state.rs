@@ -154,7 +154,6 @@ pub(super) struct MotorSample {
     pub(super) torque: Option<[f64; 3]>,
     /// The controller's joint angles (rad, rad, m).
     pub(super) controller: Option<[f64; 3]>,
-    pub(super) counts: Option<[i32; 3]>,
     /// What the converters were given.
     pub(super) steps: Option<[i32; 3]>,
 }
@@ -173,7 +172,7 @@ impl StateDecoder {
             return Err(format!("its messages are encoded as `{}`; the robot's own message is read in `ros1`", channel.message_encoding));
         }
         let [header, hdr] = HEADER_STAMPS;
-        let extractor = ros1_extractor(channel, &[header, hdr, "mpos", "tau", "jpos", "encVals", "dac_val"])?;
+        let extractor = ros1_extractor(channel, &[header, hdr, "mpos", "tau", "jpos", "dac_val"])?;
         if !extractor.has(2) {
             return Err("its messages have no field `mpos`; `source.format` in the robot file may be wrong".to_owned());
         }
@@ -182,19 +181,17 @@ impl StateDecoder {
 
     /// `None` if the message does not fit its definition or has too few joints.
     pub(super) fn decode(&self, message: &[u8]) -> Option<MotorSample> {
-        let [header, hdr, mpos, tau, jpos, counts, steps] = self.extractor.walk(message).ok()?;
+        let [header, hdr, mpos, tau, jpos, steps] = self.extractor.walk(message).ok()?;
         let three = |value: super::ros1::Value<'_>| -> Option<[f64; 3]> {
             Some([value.number(self.offset)?, value.number(self.offset + 1)?, value.number(self.offset + 2)?])
         };
         let integer = |value: super::ros1::Value<'_>, joint| i32::try_from(value.integer(self.offset + joint)?).ok();
-        let three_integers = |value| Some([integer(value, 0)?, integer(value, 1)?, integer(value, 2)?]);
         Some(MotorSample {
             stamp: header_stamp([header, hdr]),
             motor: three(mpos?)?.map(f64::to_radians),
             torque: tau.and_then(three),
             controller: jpos.and_then(three).map(|angles| angles.map(f64::to_radians)),
-            counts: counts.and_then(three_integers),
-            steps: steps.and_then(three_integers),
+            steps: steps.and_then(|value| Some([integer(value, 0)?, integer(value, 1)?, integer(value, 2)?])),
         })
     }
 }

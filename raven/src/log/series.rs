@@ -146,11 +146,11 @@ impl SeriesBuilder {
         }
     }
 
-    /// The series in the order of time, with the indices of the samples it kept.
+    /// The series in the order of time.
     ///
     /// Samples with a position that is not finite are left out, and of two samples with one stamp the second. Effort counts as recorded if
     /// at least half of the samples have it for all joints; then samples without it are left out too.
-    pub(super) fn finish(self, origin: Stamp) -> (JointSeries, StreamQuality, Vec<usize>) {
+    pub(super) fn finish(self, origin: Stamp) -> (JointSeries, StreamQuality) {
         let joints = self.names.len();
         let finite = |values: &[f64], i: usize| values.iter().skip(i * joints).take(joints).all(|value| value.is_finite());
         let samples = self.stamps.len();
@@ -167,12 +167,12 @@ impl SeriesBuilder {
         let time_s = order.iter().filter_map(|&i| Some(self.stamps.get(i)?.seconds_since(origin))).collect();
         let position = columns(&self.position, joints, &order);
         let effort = has_effort.then(|| columns(&self.effort, joints, &order));
-        (JointSeries::new(self.names, time_s, position, effort), quality, order)
+        (JointSeries::new(self.names, time_s, position, effort), quality)
     }
 }
 
 /// `columns[c][i]` from rows of `width` values each, taken in `order`.
-pub(super) fn columns<T: Copy>(rows: &[T], width: usize, order: &[usize]) -> Vec<Vec<T>> {
+fn columns(rows: &[f64], width: usize, order: &[usize]) -> Vec<Vec<f64>> {
     (0..width).map(|column| order.iter().filter_map(|&row| rows.get(row * width + column).copied()).collect()).collect()
 }
 
@@ -185,8 +185,7 @@ mod tests {
         for &(ms, position, effort) in rows {
             builder.push(Stamp(ms * 1_000_000), &[position], &[effort]);
         }
-        let (series, quality, _) = builder.finish(Stamp(0));
-        (series, quality)
+        builder.finish(Stamp(0))
     }
 
     #[test]

@@ -18,10 +18,6 @@ pub const RIGHT_COMPRESSED: &str = "/stereo/right/image_raw/compressed";
 pub const LEFT_RAW: &str = "/stereo/left/image_raw";
 /// Raw frames of the right camera.
 pub const RIGHT_RAW: &str = "/stereo/right/image_raw";
-/// Calibration of the left camera.
-pub const LEFT_CAMERA_INFO: &str = "/stereo/left/camera_info";
-/// Calibration of the right camera.
-pub const RIGHT_CAMERA_INFO: &str = "/stereo/right/camera_info";
 /// What the driver said about each frame of the left camera.
 pub const LEFT_FRAME_META: &str = "/stereo/left/frame_meta";
 /// What the driver said about each frame of the right camera.
@@ -54,15 +50,6 @@ pub const fn raw(side: Side) -> &'static str {
     match side {
         Side::Left => LEFT_RAW,
         Side::Right => RIGHT_RAW,
-    }
-}
-
-/// Topic of the calibration of a camera.
-#[must_use]
-pub const fn camera_info(side: Side) -> &'static str {
-    match side {
-        Side::Left => LEFT_CAMERA_INFO,
-        Side::Right => RIGHT_CAMERA_INFO,
     }
 }
 

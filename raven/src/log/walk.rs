@@ -163,12 +163,6 @@ impl Walker {
         self.length
     }
 
-    /// Bytes walked so far.
-    #[must_use]
-    pub const fn position(&self) -> u64 {
-        self.position
-    }
-
     /// What was found to be wrong so far.
     #[must_use]
     pub const fn damage(&self) -> Option<&Damage> {

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 
 use foxglove::messages::points_annotation::Type;
 use foxglove::messages::{
-    CameraCalibration, CircleAnnotation, Color, CompressedImage, ImageAnnotations, JointState, JointStates, Point2, PointsAnnotation,
-    RawImage,
+    CircleAnnotation, Color, CompressedImage, ImageAnnotations, JointState, JointStates, Point2, PointsAnnotation, RawImage,
 };
 use foxglove::{Encode, bytes::Bytes};
 use prost::Message;
@@ -14,21 +13,6 @@ use super::protobuf::{ClockSample, Described, FrameMeta, timestamp};
 use super::writer::{ChannelId, LogWriter, SchemaRef, Times};
 use super::{Side, TipObservation, TipStatus, topics};
 use crate::{Error, Result};
-
-/// What a camera's calibration says, for the log.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraInfo<'a> {
-    /// Columns and rows (px).
-    pub size_px: [u32; 2],
-    /// Row-major camera matrix of the raw image.
-    pub camera_matrix: [f64; 9],
-    /// `k1, k2, p1, p2, k3` of `plumb_bob`.
-    pub distortion: &'a [f64],
-    /// Row-major rotation into the rectified frame.
-    pub rectification: [f64; 9],
-    /// Row-major 3 x 4 projection of the rectified image.
-    pub projection: [f64; 12],
-}
 
 impl LogWriter {
     /// Writes a JPEG, or a PNG, as it came from the camera; `sequence` is the camera's count of frames, 0 if it has none.
@@ -95,26 +79,6 @@ impl LogWriter {
         };
         let joints = names.iter().zip(position).enumerate().map(joint).collect();
         self.foxglove(topic, times, 0, &JointStates { timestamp: timestamp(times.measured), joints })
-    }
-
-    /// Writes a camera's calibration.
-    ///
-    /// # Errors
-    /// If the disk is full.
-    pub fn camera_calibration(&mut self, side: Side, times: impl Into<Times>, info: &CameraInfo<'_>) -> Result<()> {
-        let times = times.into();
-        let message = CameraCalibration {
-            timestamp: timestamp(times.measured),
-            frame_id: frame_id(side),
-            width: info.size_px[0],
-            height: info.size_px[1],
-            distortion_model: "plumb_bob".to_owned(),
-            d: info.distortion.to_vec(),
-            k: info.camera_matrix.to_vec(),
-            r: info.rectification.to_vec(),
-            p: info.projection.to_vec(),
-        };
-        self.foxglove(topics::camera_info(side), times, 0, &message)
     }
 
     /// Draws what tracking made of an image: a circle of `diameter_px` at the marker, green where it was accepted, red where it was rejected,

@@ -53,8 +53,8 @@ impl Recorder {
         Ok(Self { plant: Plant::at_hard_stop(machine), controller, step_s: STEP_S })
     }
 
-    /// Integrates in other steps than [`STEP_S`].
-    #[must_use]
+    /// Integrates in other steps than [`STEP_S`]: whether they are short enough.
+    #[cfg(test)]
     pub fn with_step(mut self, step_s: f64) -> Self {
         self.step_s = step_s;
         self

@@ -7,7 +7,7 @@ use clap::Parser;
 use nalgebra::{UnitQuaternion, Vector3};
 use raven::camera::Cameras;
 use raven::cli::Outcome;
-use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Walker, topics};
+use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Side, Walker, topics};
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, Session};
 
@@ -345,9 +345,10 @@ fn frames_that_belong_together_come_together_from_batch_to_batch() {
     let recording = Recording::read(&log, &MotorSource::default()).unwrap();
     let cameras = Cameras::read(&cameras()).unwrap();
     let (mut pairs, mut alone) = (0, 0);
-    let counts = batches::for_each_encoded(&log, &cameras, batches::pair_within_s(&recording), |step| {
+    batches::for_each_encoded(&log, &cameras, batches::pair_within_s(&recording), |step| {
         *(if step.iter().all(Option::is_some) { &mut pairs } else { &mut alone }) += 1;
-    });
-    let [left, right] = counts.unwrap().frames;
+    })
+    .unwrap();
+    let [left, right] = Side::BOTH.map(|side| recording.require_images(side).unwrap().1);
     assert!(pairs > 60 && pairs + 1 >= left.min(right), "{pairs} pairs, {alone} alone, of {left} and {right}");
 }

@@ -37,7 +37,6 @@ fn fields_are_found_by_name() {
     assert_eq!((recording.start, motor.len()), (ms(0), 3));
     assert_relative_eq!(motor.position[0][2], 182.0_f64.to_radians());
     assert_relative_eq!(motor.effort.unwrap()[2][0], 0.1, epsilon = 1e-8);
-    assert_eq!(recording.encoder_counts.unwrap(), [[9; 3], [8; 3], [7; 3]]);
     assert!(recording.controller_joints.is_none());
 }
 

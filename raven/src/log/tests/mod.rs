@@ -80,7 +80,6 @@ fn state(degrees: f32) -> RavenState {
         state.mpos_deg[offset + 2] = sign * 1000.0;
         state.jpos_deg[offset + 2] = 22.918_312;
         state.tau[offset + 1] = 0.25;
-        state.encoder_counts[offset] = 100 + offset as i32;
     }
     state
 }
