@@ -15,9 +15,9 @@ use crate::predict::View;
 use crate::response::Response;
 
 /// Side of the region of interest of Haghighipanah et al. 2017 while the marker is seen [px].
-pub const REGION_PX: f64 = 100.0;
-/// The same where balls are fitted: less of a frame is decoded, and motors and the last sight tell the place to a few pixels. A blob that reaches
-/// over the edge is looked for in a wider one.
+const REGION_PX: f64 = 100.0;
+/// Side of the region of interest while the marker is seen and balls are fitted [px]: less of a frame is decoded, and motors and the last sight
+/// tell the place to a few pixels. A blob that reaches over the edge is looked for in a wider one.
 pub const BALL_REGION_PX: f64 = 48.0;
 /// Side of the region of interest at the start [px].
 const FIRST_REGION_PX: f64 = 300.0;
