@@ -144,7 +144,7 @@ pub struct NotObservable {
     pub because: String,
 }
 
-/// Probability from which on the leading candidate is spoken of where none is named.
+/// Probability from which on the leading candidate is spoken of where none is named, and an effect is named beside others.
 const LEADING_MIN: f64 = 0.05;
 
 /// Says what causes the gap of recordings of an arm or a bench. `each` hears of every step.
@@ -240,7 +240,26 @@ fn named<'a>(outcome: &'a Outcome, sited: &[Sited], probabilities: &[(Vec<usize>
         Some((hypothesis, [ties::probability_of_all(probabilities, sited, effects), *own]))
     };
     let most = with_any().filter_map(of_cause).max_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    most.map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))
+    let most = most.map(|(hypothesis, _)| hypothesis).filter(|_| shown > probability_of_none(probabilities))?;
+    Some(without_the_improbable(outcome, sited, probabilities, most))
+}
+
+/// A hypothesis, or what is left of it: many effects may do about as well beside the others, and none of them is probable then.
+fn without_the_improbable<'a>(
+    outcome: &'a Outcome,
+    sited: &[Sited],
+    probabilities: &[(Vec<usize>, f64)],
+    mut hypothesis: &'a Hypothesis,
+) -> &'a Hypothesis {
+    let probability = |&effect: &usize| ties::probability(probabilities, sited, effect);
+    while hypothesis.effects.len() > 1
+        && let Some(least) = hypothesis.effects.iter().min_by(|a, b| probability(a).total_cmp(&probability(b)))
+        && probability(least) < LEADING_MIN
+        && let Some((rest, _)) = outcome.fitted.get(&hypothesis.all_but(*least))
+    {
+        hypothesis = rest;
+    }
+    hypothesis
 }
 
 /// What hypotheses say, without the gap, and the hypothesis that closes it: where the verdict blames no effect, that without.
@@ -335,4 +354,30 @@ fn candidates(fitter: &Fitter, outcome: &Outcome, probabilities: &[(Vec<usize>, 
     all.push(Candidate { id: NONE, joint: None, probability: probability_of_none(probabilities), evidence_nats: 0.0 });
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::tests::fitted;
+
+    #[test]
+    fn what_is_one_of_many_that_would_do_is_not_named_beside_what_is_sure() {
+        let sited = ["payload", "camera-rotation"].map(|id| Sited::at(&raven::robot::nominal::gold(), id, None).unwrap());
+        let mut sited = sited.to_vec();
+        sited.extend(Sited::all(&raven::robot::nominal::gold()).into_iter().filter(|each| each.effect.id == "cable-stretch"));
+        let mut outcome = Outcome::begun(fitted(vec![], 0.0), sited.len());
+        let mut probabilities = vec![(vec![], 0.01), (vec![0, 1], 0.03)];
+        for third in 2..sited.len() {
+            outcome.keep(&fitted(vec![0, 1, third], 50.0 + third as f64));
+            probabilities.push((vec![0, 1, third], 0.96 / (sited.len() - 2) as f64));
+        }
+        outcome.keep(&fitted(vec![0, 1], 40.0));
+        let of = |probabilities: &[(Vec<usize>, f64)]| named(&outcome, &sited, probabilities).unwrap().effects.clone();
+        assert_eq!(of(&probabilities).len(), 3, "three joints are few");
+        // As many as a library has.
+        let many = (0..40).map(|k| (vec![0, 1, 100 + k], 0.024));
+        let spread: Vec<_> = [(vec![], 0.01), (vec![0, 1], 0.001), (vec![0, 1, 2], 0.029)].into_iter().chain(many).collect();
+        assert_eq!(of(&spread), [0, 1]);
+    }
 }

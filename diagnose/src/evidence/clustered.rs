@@ -17,7 +17,7 @@ use super::data::STRIDE_S;
 use super::fit::{Fitter, Hypothesis, gram};
 use super::linear::dot;
 
-/// Length of a block [s].
+/// Length of a block of torque samples, and of a bench's joints [s].
 pub const BLOCK_S: f64 = 2.0;
 /// Part of the noise along a direction that a fit may take out of blocks, above which they say nothing of it.
 const TAKEN_OUT_MAX: f64 = 0.75;

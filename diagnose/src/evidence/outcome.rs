@@ -36,7 +36,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// With the hypothesis without effects, out of so many.
-    pub(super) fn begun(none: Hypothesis, effects: usize) -> Self {
+    pub(crate) fn begun(none: Hypothesis, effects: usize) -> Self {
         let mut outcome = Self {
             best: none.clone(),
             none: none.clone(),
@@ -94,7 +94,7 @@ impl Outcome {
     }
 
     /// Takes in a hypothesis that has more evidence than what is known with the same effects.
-    pub(super) fn keep(&mut self, hypothesis: &Hypothesis) {
+    pub(crate) fn keep(&mut self, hypothesis: &Hypothesis) {
         let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |(h, _)| h.evidence);
         if hypothesis.evidence > known {
             if hypothesis.effects.is_empty() {
@@ -107,25 +107,15 @@ impl Outcome {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
-
     use super::*;
+    use crate::evidence::tests::fitted;
 
     #[test]
     fn effects_beyond_their_scatter_are_there_unless_the_evidence_says_little() {
-        let hypothesis = |effects: Vec<usize>, evidence| Hypothesis {
-            effects,
-            u: Vec::new(),
-            free: Vec::new(),
-            covariance: DMatrix::zeros(0, 0),
-            evidence,
-            residuals: Vec::new(),
-            columns: Vec::new(),
-        };
         for (evidence, is_there) in [(3.0, true), (0.5, false)] {
-            let none = hypothesis(Vec::new(), 0.0);
+            let none = fitted(Vec::new(), 0.0);
             let mut outcome = Outcome::begun(none, 80);
-            outcome.keep(&hypothesis(vec![0], evidence));
+            outcome.keep(&fitted(vec![0], evidence));
             outcome.screened.insert(vec![1], 0.0);
             assert!(prior::log(0, 80) > prior::log(1, 80) + evidence);
             let probabilities = outcome.probabilities();

@@ -299,8 +299,10 @@ impl Stream {
 }
 
 fn camera_skew(streams: &BTreeMap<String, Stream>) -> Option<CameraSkew> {
-    // A stream may be announced and stay empty.
-    let of = |topic: &str| streams.get(topic).map(|stream| &stream.stamps).filter(|stamps| !stamps.is_empty());
-    let stamps = |side: Side| of(topics::compressed(side)).or_else(|| of(topics::raw(side)));
-    CameraSkew::of(stamps(Side::Left)?, stamps(Side::Right)?)
+    // A stream may be announced and stay empty; of two kinds the one counts whose frames came first.
+    let first = |side: Side| {
+        let kinds = [topics::compressed(side), topics::raw(side)].into_iter().filter_map(|topic| streams.get(topic));
+        kinds.map(|stream| &stream.stamps).filter(|stamps| !stamps.is_empty()).min_by_key(|stamps| stamps.first().copied())
+    };
+    CameraSkew::of(first(Side::Left)?, first(Side::Right)?)
 }

@@ -31,6 +31,9 @@ pub const PAUSE_MAX_S: f64 = 0.5;
 /// Half of the window over which a motor's motion is steady [s]: a count of the encoder is then 1e-3 of the slowest speed that matters.
 pub const HALF_WINDOW_S: f64 = 0.02;
 
+/// Samples on either side of where one would be that are looked at first.
+const NEAR: usize = 8;
+
 impl MotorTrack {
     /// Times within the track that are `stride_s` apart as counted from its start, but for those in pauses: as many as there are samples to
     /// stand for, however far off a stamp is.
@@ -44,10 +47,24 @@ impl MotorTrack {
     /// The sample interval that holds `time_s`: index of its start; `None` outside the track and in pauses.
     #[must_use]
     pub fn interval(&self, time_s: f64) -> Option<usize> {
-        let after = self.time_s.partition_point(|&t| t <= time_s);
+        let after = self.samples_until(time_s);
         let start = after.min(self.time_s.len().checked_sub(1)?).checked_sub(1)?;
         let inside = time_s >= self.time_s[start] && time_s <= self.time_s[start + 1];
         (inside && self.time_s[start + 1] - self.time_s[start] <= PAUSE_MAX_S).then_some(start)
+    }
+
+    /// How many samples there are up to a time. Samples come evenly as a rule: it is looked for about where it would then be.
+    fn samples_until(&self, time_s: f64) -> usize {
+        let is_until = |&t: &f64| t <= time_s;
+        let all = self.time_s.as_slice();
+        let &[first_s, .., last_s] = all else { return all.partition_point(is_until) };
+        let guess = ((time_s - first_s) / (last_s - first_s) * (all.len() - 1) as f64) as usize;
+        let from = guess.saturating_sub(NEAR);
+        let near = all.get(from..guess.saturating_add(NEAR).min(all.len())).unwrap_or_default();
+        match near {
+            [earliest, .., latest] if is_until(earliest) && !is_until(latest) => from + near.partition_point(is_until),
+            _ => all.partition_point(is_until),
+        }
     }
 
     /// Angle [rad] and velocity [rad/s] at a time; `None` outside the track and in pauses.
@@ -270,6 +287,21 @@ mod tests {
             let rms_n = crate::stats::rms(&off).unwrap();
             assert!(rms_n < 0.02 * dry_n, "from sample {first} on {rms_n} N of a dry friction of {dry_n} N");
         }
+    }
+
+    #[test]
+    fn intervals_are_found_where_samples_jitter_and_where_they_pause() {
+        let mut time_s: Vec<f64> = (0..3000).map(|k| 1e-3 * (f64::from(k) + 0.4 * f64::from(k % 7) / 7.0)).collect();
+        time_s.extend((0..50).map(|k| 3.3 + 5e-3 * f64::from(k)));
+        let track = MotorTrack { angle: vec![Vector3::zeros(); time_s.len()], time_s };
+        for k in 0..8000 {
+            let time_s = -0.1 + 5e-4 * f64::from(k);
+            let plain = track.time_s.windows(2).rposition(|pair| pair[0] <= time_s && time_s <= pair[1]);
+            let of_last = (Some(&time_s) == track.time_s.last()).then(|| track.time_s.len() - 2);
+            assert_eq!(track.interval(time_s), plain.or(of_last), "{time_s}");
+        }
+        assert_eq!(track.interval(f64::NAN), None);
+        assert_eq!(MotorTrack::default().interval(0.0), None);
     }
 
     #[test]

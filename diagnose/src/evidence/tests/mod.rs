@@ -5,7 +5,7 @@ use raven::effects::{Channel, Sited};
 use raven::robot::{Robot, nominal};
 
 use super::coordinates::Coordinates;
-use super::fit::Fitter;
+use super::fit::{Fitter, Hypothesis};
 use super::rows::{Links, Observed, Setting};
 
 mod lost;
@@ -38,6 +38,12 @@ fn moved_by(moves: fn(&[f64]) -> f64, moved: f64, sticks_below: f64) -> impl Fn(
         };
         (0..ROWS).map(row).collect()
     }
+}
+
+/// A hypothesis of which nothing is known but its evidence [nat].
+pub(crate) fn fitted(effects: Vec<usize>, evidence: f64) -> Hypothesis {
+    let covariance = nalgebra::DMatrix::zeros(0, 0);
+    Hypothesis { effects, u: Vec::new(), free: Vec::new(), covariance, evidence, residuals: Vec::new(), columns: Vec::new() }
 }
 
 /// Tips that are off as a row of sines says by its number; by one of them they are off by [`SEEN`] in the mean.
