@@ -6,7 +6,8 @@
 //! fitted again from the nominal model at several sizes, and so is a slack that leaves something: first all other numbers with these held, then
 //! everything. A slack whose size is known begins by settled slopes as well: held, a large one can go astray.
 //!
-//! Several effects of how one joint follows its cable may stand in for a slack, which settled links do not see beside another effect.
+//! Several effects of how one joint follows its cable may stand in for a slack, which settled links do not see beside another effect. Where something
+//! remains, a slack that as it stands brings the links nearer to the recordings is fitted beside the best hypothesis.
 //!
 //! A soft cable is fitted on by slopes of rolled-out links before anything is looked for beside it, and what an effect is known to stand in for is
 //! fitted from the values that do about the same: from far away a soft cable's slopes lead anywhere, but creep that is over within seconds is one.
@@ -19,15 +20,16 @@ use raven::Result;
 use raven::effects::{Effect, Element, Scale, Sited};
 
 use super::fit::{Fitter, Hypothesis, cost, side_by_side};
+use super::linear::dot;
 use super::outcome::Outcome;
-use super::search::{HOPE_NATS, WITHIN_NATS};
+use super::search::{EFFECTS_MAX, HOPE_NATS, WITHIN_NATS};
 use super::slopes::Following;
 
 /// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
 pub(super) const LOST_NATS: f64 = 1.0;
 /// Effects that are fitted again: the best so far.
 const AGAIN: usize = 2;
-/// Starts of each: some, evenly spread over those of the screen.
+/// Starts of each: some, evenly spread over those of the screen; and of slacks that help beside the best hypothesis as they stand.
 const STARTS_MAX: usize = 3;
 /// Starts of a slack that leaves nothing, beside numbers that have not followed it. A slack joint's torque is jagged: the nominal model's slopes lead
 /// half of the fits astray, those beside the slack the other half.
@@ -69,6 +71,9 @@ impl Fitter<'_> {
         }
         if !self.leftover(&outcome.best).remains() {
             return self.slacks_beside_rest(outcome);
+        }
+        if self.slacks_beside(outcome)? {
+            return Ok(true);
         }
         let mut other = self.closely(outcome, &[outcome.best.clone(), outcome.none.clone()])?;
         // What strains the nominal model may be an effect.
@@ -213,6 +218,29 @@ impl Fitter<'_> {
             }
         }
         Ok(other)
+    }
+
+    /// Fits slacks beside the best hypothesis that help there as they stand, whatever settled links, which know nothing of them, say; as
+    /// [`Self::closely`].
+    fn slacks_beside(&self, outcome: &mut Outcome) -> Result<bool> {
+        let best = outcome.best.clone();
+        let slack_joint = |effect: usize| self.followed(effect).filter(|_| self.is_loose(effect));
+        let has_slack = |joint: usize| best.effects.iter().any(|&effect| slack_joint(effect) == Some(joint));
+        if best.effects.is_empty() || best.effects.len() == EFFECTS_MAX {
+            return Ok(false);
+        }
+        let slacks = (0..self.coordinates.sited.len()).filter(|&effect| slack_joint(effect).is_some_and(|joint| !has_slack(joint)));
+        let starts: Vec<_> = slacks.flat_map(|slack| self.starts(slack, &best.u).into_iter().map(move |start| (slack, start))).collect();
+        let mut helping = side_by_side(&starts, |(slack, start)| {
+            let mut u = best.u.clone();
+            self.coordinates.of(*slack).zip(start).for_each(|(c, value)| u[c] = *value);
+            let there = self.exact(&u)?;
+            let gained = 0.5 * (dot(&best.residuals, &best.residuals) - dot(&there, &there));
+            Ok((gained > WITHIN_NATS).then(|| (gained, (*slack, start.clone()))))
+        })?;
+        helping.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        let helping: Vec<_> = helping.into_iter().take(STARTS_MAX).map(|(_, start)| start).collect();
+        self.begun_again(outcome, &best, &helping, &[(Following::Held, Some(&best)), (Following::Settled, Some(&best))])
     }
 
     /// Fits effects, each beside those of `base`, from there and these numbers of theirs in several ways, each with the slopes to begin with; as

@@ -70,6 +70,17 @@ fn a_slack_beside_another_effect_is_found_where_a_cable_and_its_stiffening_stand
 }
 
 #[test]
+fn a_slack_beside_another_effect_is_found_where_nothing_stands_in_for_it() {
+    // Settled links say nothing of a slack beside a payload, and something remains.
+    let rows = Seen::new(&[("payload", [0, 0]), ("backlash", [1, 0])], |numbers: &[Option<&[f64]>], links| {
+        let [loaded, slack] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let slack = if links == Links::RolledOut { slack } else { 0.0 };
+        tips(|k| 3.0 * k.sin() * (1.0 - loaded) + k.cos() * (0.7 - slack))
+    });
+    assert_eq!(rows.named(), ["backlash", "payload"]);
+}
+
+#[test]
 fn what_is_beside_an_effect_is_looked_for_where_that_has_been_fitted_again() {
     // Settled links take a payload for twice of what it is, so that its fit stops at a ridge, unless a rolling shutter helps it over. Beyond,
     // nothing is missing but a hard stop that is eight tolerances off.
