@@ -232,9 +232,7 @@ impl Fitter<'_> {
         let slacks = (0..self.coordinates.sited.len()).filter(|&effect| slack_joint(effect).is_some_and(|joint| !has_slack(joint)));
         let starts: Vec<_> = slacks.flat_map(|slack| self.starts(slack, &best.u).into_iter().map(move |start| (slack, start))).collect();
         let mut helping = side_by_side(&starts, |(slack, start)| {
-            let mut u = best.u.clone();
-            self.coordinates.of(*slack).zip(start).for_each(|(c, value)| u[c] = *value);
-            let there = self.exact(&u)?;
+            let there = self.exact(&self.placing(&best.u, *slack, start))?;
             let gained = 0.5 * (dot(&best.residuals, &best.residuals) - dot(&there, &there));
             Ok((gained > WITHIN_NATS).then(|| (gained, (*slack, start.clone()))))
         })?;
@@ -253,8 +251,7 @@ impl Fitter<'_> {
         ways: &[(Following, Option<&Hypothesis>)],
     ) -> Result<bool> {
         let fitted = |(effect, start): &(usize, Vec<f64>)| {
-            let mut u = base.u.clone();
-            self.coordinates.of(*effect).zip(start).for_each(|(c, value)| u[c] = *value);
+            let u = self.placing(&base.u, *effect, start);
             let effects = [base.effects.as_slice(), &[*effect]].concat();
             side_by_side(ways, |&(following, like)| self.fit_with(&effects, &u, like, following)).map(Some)
         };

@@ -86,8 +86,7 @@ impl Fitter<'_> {
     fn looked_at(&self, point: &Point, effect: usize, start: &[f64]) -> Result<Option<Candidate>> {
         let base = point.base;
         let own: Vec<usize> = self.coordinates.of(effect).collect();
-        let mut u = base.u.clone();
-        own.iter().zip(start).for_each(|(&c, &value)| u[c] = value);
+        let mut u = self.placing(&base.u, effect, start);
         let unmoved = own.iter().all(|&c| u[c] == base.u[c]);
         let is_rolled_out = base.effects.is_empty() && (self.is_loose(effect) || self.shows_in_swings(effect));
         let links = if is_rolled_out { Links::RolledOut } else { Links::Settled };

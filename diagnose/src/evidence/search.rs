@@ -57,6 +57,13 @@ impl Fitter<'_> {
         taking
     }
 
+    /// `u` with other numbers of one effect.
+    pub(super) fn placing(&self, u: &[f64], effect: usize, numbers: &[f64]) -> Vec<f64> {
+        let mut placing = u.to_vec();
+        self.coordinates.of(effect).zip(numbers).for_each(|(c, &number)| placing[c] = number);
+        placing
+    }
+
     /// `u` where effects that have nothing but a shape and are not there are there as mildly as they can be.
     pub(super) fn mildly(&self, effects: &[usize], u: &[f64]) -> Vec<f64> {
         let mut mildly = u.to_vec();
