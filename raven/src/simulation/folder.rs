@@ -7,7 +7,8 @@
 //! labels.sha256    SHA-256 of labels.json, as sha256sum writes it
 //! ```
 //!
-//! Whoever has the sum can check later that the labels were not changed; the salt keeps anyone from trying labels until the sum fits.
+//! Whoever has the sum can check later that the labels were not changed; the salt keeps anyone from trying labels until the sum fits who does not
+//! know the seed, from which it follows.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
