@@ -217,9 +217,7 @@ impl Observed for Rows<'_> {
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
         let knows_lenses = self.cameras.is_some_and(|cameras| cameras.base_from_left.is_some());
         let lacks_them = self.tip_rows() > 0 && sited.effect.needs.contains(&Need::Lenses) && !knows_lenses;
-        let happens = self.data.len() > 1 && sited.effect.parameters.iter().any(|parameter| parameter.scale == Scale::Moment);
-        let of_one = || happens.then_some("it happens in one recording and not in the others; give each alone");
-        lacks_them.then_some("the cameras are not known; give --cameras").or_else(of_one)
+        lacks_them.then_some("the cameras are not known; give --cameras").or_else(|| is_of_one(sited, self.data.len()))
     }
 
     fn miscounts(&self, joint: usize) -> &[f64] {
@@ -267,6 +265,12 @@ impl Observed for Rows<'_> {
         tips.append(&mut torques);
         Ok(tips)
     }
+}
+
+/// Why an effect cannot show in so many recordings at once, if it happens at a moment.
+pub(super) fn is_of_one(sited: &Sited, recordings: usize) -> Option<&'static str> {
+    let happens = sited.effect.parameters.iter().any(|parameter| parameter.scale == Scale::Moment);
+    (recordings > 1 && happens).then_some("it happens in one recording and not in the others; give each alone")
 }
 
 /// When links have come loose from where friction held them before a recording: nobody saw how they came there, or which way it held them.
@@ -349,7 +353,7 @@ fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: &Loose) -> 
 
 #[cfg(test)]
 mod tests {
-    use raven::effects::{Command, Sight};
+    use raven::effects::Command;
     use raven::robot::nominal;
 
     use super::*;
@@ -385,14 +389,8 @@ mod tests {
     fn a_miscount_is_not_looked_for_in_several_recordings() {
         let robot = nominal::gold();
         let angle = robot.arm().unwrap().transmission.motor_from_joint(&Vector3::new(0.8, 1.6, 0.35));
-        let sight = |k: i32| Sight {
-            stamp_s: f64::from(k) / 30.0,
-            position_m: Vector3::zeros(),
-            covariance_m2: nalgebra::Matrix3::identity(),
-            rows: [0.0; 2],
-        };
         let motors = MotorTrack { time_s: (0..500).map(|k| 1e-2 * f64::from(k)).collect(), angle: vec![angle; 500] };
-        let data = || Data { motors: motors.clone(), sights: (0..150).map(sight).collect(), shafts: Vec::new() };
+        let data = || Data { motors: motors.clone(), sights: Vec::new(), shafts: Vec::new() };
         let miscount = Sited::all(&robot).into_iter().find(|sited| sited.effect.id == "missed-counts").unwrap();
         for (data, because) in [(vec![data()], None), (vec![data(), data()], Some("give each alone"))] {
             let rows = Rows::new(&robot, None, &data).unwrap();

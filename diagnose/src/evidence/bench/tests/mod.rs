@@ -120,6 +120,12 @@ fn what_a_bench_cannot_show_is_listed_with_a_reason() {
     assert_eq!(because("lens-distortion"), Some("a bench has no cameras"));
     assert_eq!(because("cable-damping"), Some("the nominal transmission is rigid"));
     assert_eq!(because("cable-stretch"), None);
+    assert_eq!(because("missed-counts"), None);
+    let recordings = [recordings[0].clone(), recordings[0].clone()];
+    let bench = Bench::new(&robot, &recordings).unwrap();
+    let coordinates = Coordinates::new(&robot, &bench);
+    let miscount = coordinates.not_observable.iter().find(|(effect, _)| effect.id == "missed-counts").unwrap();
+    assert!(miscount.1.contains("give each alone"), "{}", miscount.1);
 }
 
 #[test]
