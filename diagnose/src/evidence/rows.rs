@@ -217,7 +217,7 @@ impl Observed for Rows<'_> {
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
         let knows_lenses = self.cameras.is_some_and(|cameras| cameras.base_from_left.is_some());
         let lacks_them = self.tip_rows() > 0 && sited.effect.needs.contains(&Need::Lenses) && !knows_lenses;
-        lacks_them.then_some("the cameras are not known; give --cameras").or_else(|| is_of_one(sited, self.data.len()))
+        lacks_them.then_some("the cameras are not known; give --cameras").or_else(|| unlike_several(sited, self.data.len()))
     }
 
     fn miscounts(&self, joint: usize) -> &[f64] {
@@ -268,7 +268,7 @@ impl Observed for Rows<'_> {
 }
 
 /// Why an effect cannot show in so many recordings at once, if it happens at a moment.
-pub(super) fn is_of_one(sited: &Sited, recordings: usize) -> Option<&'static str> {
+pub(super) fn unlike_several(sited: &Sited, recordings: usize) -> Option<&'static str> {
     let happens = sited.effect.parameters.iter().any(|parameter| parameter.scale == Scale::Moment);
     (recordings > 1 && happens).then_some("it happens in one recording and not in the others; give each alone")
 }

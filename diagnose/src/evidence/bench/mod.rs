@@ -14,7 +14,7 @@ use raven::{Error, Result};
 use super::clustered::BLOCK_S;
 use super::data::{STRIDE_S, WINDOW_S};
 use super::rows::{
-    CREEP_RAD_S, Links, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, is_of_one, with_clipping,
+    CREEP_RAD_S, Links, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, unlike_several, with_clipping,
 };
 pub use recorded::Recorded;
 pub(crate) use recorded::encoder_noise;
@@ -200,7 +200,7 @@ impl Observed for Bench<'_> {
         let lacks = || needs.iter().find_map(|need| self.lacks(*need, sited.place.first));
         let is_unseen = *scope == Scope::Joint && !self.has_joints() && !channels.contains(&Channel::Torque);
         let is_unseen = is_unseen.then_some("the recording has no joint encoders");
-        belongs_to_an_arm.or_else(lacks).or(is_unseen).or_else(|| is_of_one(sited, self.recordings.len()))
+        belongs_to_an_arm.or_else(lacks).or(is_unseen).or_else(|| unlike_several(sited, self.recordings.len()))
     }
 
     fn residuals(&self, settings: &[Setting], _links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
