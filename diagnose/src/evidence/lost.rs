@@ -57,8 +57,13 @@ impl Fitter<'_> {
     pub(super) fn cheaper(&self, hypothesis: &Hypothesis, other: Vec<f64>) -> Result<Option<Vec<f64>>> {
         let precision = self.precision(&hypothesis.free, &hypothesis.effects);
         let here = cost(&hypothesis.free, &precision, &hypothesis.u, &hypothesis.residuals);
-        let there = cost(&hypothesis.free, &precision, &other, &self.exact(&other)?);
-        Ok((there < here - LOST_NATS).then_some(other))
+        Ok((self.cost_at(&hypothesis.effects, &other)? < here - LOST_NATS).then_some(other))
+    }
+
+    /// What some numbers cost under a hypothesis of these effects [nat].
+    pub(super) fn cost_at(&self, effects: &[usize], u: &[f64]) -> Result<f64> {
+        let free = self.free(effects);
+        Ok(cost(&free, &self.precision(&free, effects), u, &self.exact(u)?))
     }
 
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.

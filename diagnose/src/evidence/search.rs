@@ -341,14 +341,22 @@ impl Fitter<'_> {
         (0..sited.len()).filter(|&other| other != effect && sited[effect].shows_where(&sited[other])).collect()
     }
 
-    /// A hypothesis without some of its effects, fitted: from its numbers, where what is known of it stopped before those.
+    /// A hypothesis without some of its effects, fitted: from its numbers, where what is known of it stopped before those. What the nominal model
+    /// tolerates of the effects may be there still.
     pub(super) fn rest(&self, outcome: &Outcome, whole: &Hypothesis, left_out: &[usize]) -> Result<Option<Hypothesis>> {
         let effects: Vec<usize> = whole.effects.iter().copied().filter(|effect| !left_out.contains(effect)).collect();
         let without = left_out.iter().fold(whole.u.clone(), |u, &effect| self.without(effect, &u));
+        let mut tolerated = without.clone();
+        self.free(&effects).into_iter().for_each(|c| tolerated[c] = whole.u[c]);
+        let from = if tolerated != without && self.cost_at(&effects, &tolerated)? < self.cost_at(&effects, &without)? {
+            tolerated
+        } else {
+            without
+        };
         let known = outcome.fitted.get(&effects).map(|(known, _)| known);
         let start = match known {
-            Some(known) => self.cheaper(known, without)?,
-            None => Some(without),
+            Some(known) => self.cheaper(known, from)?,
+            None => Some(from),
         };
         let Some(start) = start else { return Ok(known.cloned()) };
         let again = self.fit(&effects, &start, Some(whole))?;

@@ -13,21 +13,21 @@ impl Fitter<'_> {
     pub fn told(&self, effects: &[usize]) -> Result<Option<(Hypothesis, f64)>> {
         let Some(mut point) = self.at_nominal()? else { return Ok(None) };
         let Some(none) = self.fit(&[], &point.u, None)? else { return Ok(None) };
+        let mut steps = vec![none];
         for &effect in effects {
-            let poorer = if point.effects.is_empty() { &none } else { &point };
+            let poorer = steps.last().unwrap_or(&point);
             let Some(candidate) = self.screen_some(&point, poorer.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
             let Some(hypothesis) = self.fitted_at_least(&candidate, &point, poorer)? else { return Ok(None) };
+            steps.push(hypothesis.clone());
             point = hypothesis;
         }
         let mut without_one = Vec::new();
         for left_out in point.effects.clone() {
             let others = point.all_but(left_out);
-            let without = if others.is_empty() {
-                none.clone()
-            } else {
-                let Some(without) = self.fit(&others, &self.without(left_out, &point.u), Some(&point))? else { return Ok(None) };
-                without
-            };
+            let on_the_way = steps.iter().find(|step| step.effects == others).cloned();
+            let again = if others.is_empty() { None } else { self.fit(&others, &self.without(left_out, &point.u), Some(&point))? };
+            let better = on_the_way.into_iter().chain(again).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+            let Some(without) = better else { return Ok(None) };
             // What it stopped short of is no evidence for the effect.
             let without = self.fitted_as(&without, &point)?.unwrap_or(without);
             // With one more effect it can do no worse: where it got lost on the way it starts again from there.

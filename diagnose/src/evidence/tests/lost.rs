@@ -265,6 +265,31 @@ fn what_is_left_without_an_effect_goes_on_from_where_that_came_to() {
 }
 
 #[test]
+fn what_the_nominal_model_tolerates_of_an_effect_is_left_without_it() {
+    // A hard stop that is off by little more than its tolerance, which settled links have the wrong way round.
+    let effects = [("joint-offset", [0, 0]), ("payload", [0, 0])];
+    let nothing = Seen::new(&effects[..1], |_: &[Option<&[f64]>], _| vec![0.0; ROWS]);
+    let off = 1.2 * Coordinates::new(&nothing.robot, &nothing).all[0].spike.unwrap();
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [offset, loaded] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let turned = if links == Links::RolledOut { offset } else { -offset };
+        tips(|k: f64| k.sin() * (1.0 - loaded) + 0.1 * (2.0 * k).sin() * (1.0 - turned / off))
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    let [offset, payload] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let stopped = fitter.fit(&[payload], &nominal.u, None).unwrap().unwrap();
+    let mut u = stopped.u.clone();
+    let offset_at = coordinates.of(offset).next().unwrap();
+    u[offset_at] = off;
+    let both = fitter.at(&[offset, payload], u).unwrap().unwrap();
+    outcome.keep(&stopped);
+    let rest = fitter.rest(&outcome, &both, &[offset]).unwrap().unwrap();
+    approx::assert_relative_eq!(rest.u[offset_at], off);
+}
+
+#[test]
 fn a_loop_is_followed_closely_though_it_leaves_nothing() {
     // Settled links have the damper of its joint the wrong way round, which noise would hide.
     let effects = [("hysteresis", [1, 0]), ("cable-damping", [1, 0])];

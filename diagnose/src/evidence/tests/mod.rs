@@ -298,6 +298,22 @@ fn a_large_effect_is_found_of_which_slopes_say_less_than_of_others() {
 }
 
 #[test]
+fn what_others_came_to_before_an_effect_was_told_is_not_lost() {
+    // A shutter does half of what a payload could do alone; slopes there say the contrary of what it does.
+    let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [loaded, shutter] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let loads = if links == Links::Settled && (loaded - 0.5).abs() < 0.2 { -loaded } else { loaded };
+        let lacks_load = (1.0 - 4.0 * loaded).max(0.0);
+        tips(|k: f64| k.sin() * (1.0 - loads - shutter) + 0.04 * k.cos() * (0.5 - shutter) + (2.0 * k).sin() * lacks_load)
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let [payload, shutter] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let (_, gain) = Fitter::new(&rows, &coordinates).told(&[payload, shutter]).unwrap().unwrap();
+    assert!(gain < 5.0, "{gain}");
+}
+
+#[test]
 fn what_is_told_is_looked_for_from_every_start() {
     // A cable that is straight but for a stiffening of one and a half slabs, and elsewhere nothing leads there.
     let rows = Seen::new(&[("cable-stiffening", [1, 0])], |numbers: &[Option<&[f64]>], _| {
