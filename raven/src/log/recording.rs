@@ -72,6 +72,8 @@ pub struct Recording {
     /// Regularity of the topics read here.
     pub quality: BTreeMap<String, StreamQuality>,
     source: MotorSource,
+    /// Of each camera with images the topic of the first one.
+    first_images: BTreeMap<Side, String>,
     problems: BTreeMap<String, String>,
 }
 
@@ -133,13 +135,13 @@ impl Recording {
         self.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
     }
 
-    /// Topic and number of the images of a camera: of the JPEG ones, where there are any.
+    /// Topic and number of the images of a camera: of the kind that comes first, which [`frames`](super::frames) takes.
     ///
     /// # Errors
     /// A sentence with the file and the topic on which they are expected.
-    pub fn require_images(&self, side: Side) -> Result<(&'static str, u64)> {
-        let of = |topic: &'static str| Some((topic, self.topics.get(topic).copied().filter(|&count| count > 0)?));
-        of(topics::compressed(side)).or_else(|| of(topics::raw(side))).ok_or_else(|| {
+    pub fn require_images(&self, side: Side) -> Result<(&str, u64)> {
+        let first = self.first_images.get(&side).map(|topic| (topic.as_str(), self.topics.get(topic).copied().unwrap_or_default()));
+        first.ok_or_else(|| {
             let message =
                 format!("the log has no images of the {} camera on `{}`; both cameras are needed.", side.name(), topics::compressed(side));
             Error::file(&self.path, message)
@@ -169,7 +171,7 @@ enum Handler {
     Motor(JointDecoder),
     Encoders(JointDecoder),
     Tip(TipDecoder),
-    Image(StampReader),
+    Image(Side, StampReader),
     Ignored,
 }
 
@@ -184,6 +186,7 @@ struct Reader<'s> {
     tip: Vec<TipObservation>,
     tip_quality: StreamQuality,
     image_stamps: BTreeMap<String, Vec<Stamp>>,
+    first_images: BTreeMap<Side, String>,
     session: BTreeMap<String, String>,
     attachments: BTreeMap<String, Vec<u8>>,
     topics: BTreeMap<String, u64>,
@@ -203,6 +206,7 @@ impl<'s> Reader<'s> {
             tip: Vec::new(),
             tip_quality: StreamQuality::default(),
             image_stamps: BTreeMap::new(),
+            first_images: BTreeMap::new(),
             session: BTreeMap::new(),
             attachments: BTreeMap::new(),
             topics: BTreeMap::new(),
@@ -241,8 +245,7 @@ impl<'s> Reader<'s> {
             },
             topics::JOINT_ENCODERS => Handler::Encoders(JointDecoder::new(channel)?),
             topics::TIP => Handler::Tip(TipDecoder::new(channel)?),
-            topic if topics::camera_of(topic).is_some() => Handler::Image(StampReader::new(channel)),
-            _ => Handler::Ignored,
+            topic => topics::camera_of(topic).map_or(Handler::Ignored, |side| Handler::Image(side, StampReader::new(channel))),
         })
     }
 
@@ -273,7 +276,8 @@ impl<'s> Reader<'s> {
                 Some(tip) => self.push_tip(tip, message),
                 None => self.tip_quality.undecodable += 1,
             },
-            Handler::Image(stamps) => {
+            Handler::Image(side, stamps) => {
+                self.first_images.entry(*side).or_insert_with(|| message.channel.topic.clone());
                 let stamp = stamps.read(message.data).unwrap_or(message.publish_time);
                 self.image_stamps.entry(message.channel.topic.clone()).or_default().push(stamp);
             }
@@ -351,6 +355,7 @@ impl<'s> Reader<'s> {
             topics: self.topics,
             quality,
             source: self.source.clone(),
+            first_images: self.first_images,
             problems,
         })
     }

@@ -138,6 +138,20 @@ fn a_log_is_copied_byte_for_byte() {
 }
 
 #[test]
+fn of_two_kinds_of_images_the_first_is_taken_everywhere() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path).unwrap();
+    log.raw_image(Side::Left, ms(1), 0, ("mono8", [2, 1], 2), &[1, 2]).unwrap();
+    for at in [2, 3] {
+        log.compressed_image(Side::Left, Times { measured: ms(at), arrived: ms(at) }, at as u32, &[0xff, 0xd8]).unwrap();
+    }
+    log.finish().unwrap();
+    assert_eq!(frame_stamps(&path).unwrap(), [(Side::Left, ms(1))]);
+    let recording = Recording::read(&path, &MotorSource::default()).unwrap();
+    assert_eq!(recording.require_images(Side::Left).unwrap(), (topics::LEFT_RAW, 1));
+}
+
+#[test]
 fn a_log_dropped_unfinished_leaves_nothing() {
     let (folder, path) = place();
     let mut log = LogWriter::create(&path).unwrap();
