@@ -351,20 +351,29 @@ fn trial_time(text: &str) -> Result<Duration, String> {
 
 /// Bytes per second that go to the disk and stay there.
 fn disk_speed(folder: &Path) -> Result<f64> {
-    let mut file = files::temporary_beside(&folder.join("session.mcap"))?;
+    let mut file = files::nameless_in(folder)?;
     // Bytes that no file system can compress away.
     let block: Vec<u8> = (0..1_u64 << 20).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 51) as u8).collect();
     let start = Instant::now();
     for _ in 0..PROBE_BYTES / block.len() {
         file.write_all(&block).map_err(|e| Error::io(folder, "write in", e))?;
     }
-    file.as_file().sync_data().map_err(|e| Error::io(folder, "sync in", e))?;
+    file.sync_data().map_err(|e| Error::io(folder, "sync in", e))?;
     Ok(PROBE_BYTES as f64 / start.elapsed().as_secs_f64())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_disk_is_tried_in_a_folder_that_is_there() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(disk_speed(folder.path()).unwrap() > 0.0);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let error = disk_speed(&folder.path().join("lab")).unwrap_err().to_string();
+        assert!(error.contains("lab does not exist; make it first"), "{error}");
+    }
 
     #[test]
     fn a_disk_that_is_too_slow_is_held_against_what_it_should_take() {

@@ -102,9 +102,7 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     }
     let replaced = replaced(path);
     let folder = folder_of(&replaced);
-    if !folder.is_dir() {
-        return Err(Error::file(path, format!("the folder {} does not exist; make it first.", folder.display())));
-    }
+    require_folder(path, folder)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".raven-").suffix(".part");
     #[cfg(unix)]
@@ -114,6 +112,22 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     }
     let made = interrupted::temporary(|| builder.tempfile_in(folder), tempfile::NamedTempFile::path);
     made.map_err(|e| Error::io(path, "create", e))
+}
+
+/// An empty file in a folder that has no name there: nothing of it is left, however the program ends.
+///
+/// # Errors
+/// If the folder does not exist or cannot be written to.
+pub fn nameless_in(folder: &Path) -> Result<std::fs::File> {
+    require_folder(folder, folder)?;
+    tempfile::tempfile_in(folder).map_err(|e| Error::io(folder, "write in", e))
+}
+
+fn require_folder(path: &Path, folder: &Path) -> Result<()> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    Err(Error::file(path, format!("the folder {} does not exist; make it first.", folder.display())))
 }
 
 /// An empty folder among the system's temporary ones, removed when dropped.
