@@ -11,22 +11,18 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub fn told(&self, effects: &[usize]) -> Result<Option<(Hypothesis, f64)>> {
-        let Some(mut point) = self.at_nominal()? else { return Ok(None) };
-        let Some(none) = self.fit(&[], &point.u, None)? else { return Ok(None) };
-        let mut steps = vec![none];
-        for &effect in effects {
-            let poorer = steps.last().unwrap_or(&point);
-            let Some(candidate) = self.screen_some(&point, poorer.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
-            let Some(hypothesis) = self.fitted_at_least(&candidate, &point, poorer)? else { return Ok(None) };
-            steps.push(hypothesis.clone());
-            point = hypothesis;
-        }
+        let Some(nominal) = self.at_nominal()? else { return Ok(None) };
+        let Some(none) = self.fit(&[], &nominal.u, None)? else { return Ok(None) };
+        let Some(mut point) = self.added(&nominal, &none, effects)? else { return Ok(None) };
         let mut without_one = Vec::new();
         for left_out in point.effects.clone() {
             let others = point.all_but(left_out);
-            let on_the_way = steps.iter().find(|step| step.effects == others).cloned();
-            let again = if others.is_empty() { None } else { self.fit(&others, &self.without(left_out, &point.u), Some(&point))? };
-            let better = on_the_way.into_iter().chain(again).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+            let (alone, again) = if others.is_empty() {
+                (Some(none.clone()), None)
+            } else {
+                (self.added(&nominal, &none, &others)?, self.fit(&others, &self.without(left_out, &point.u), Some(&point))?)
+            };
+            let better = alone.into_iter().chain(again).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
             let Some(without) = better else { return Ok(None) };
             // What it stopped short of is no evidence for the effect.
             let without = self.fitted_as(&without, &point)?.unwrap_or(without);
@@ -42,5 +38,16 @@ impl Fitter<'_> {
         let gain = without_one.iter().map(|without| self.tempered(&point, &leftover) - self.tempered(without, &leftover));
         let gain = gain.fold(f64::INFINITY, f64::min);
         Ok(Some((point, gain)))
+    }
+
+    /// Some effects, fitted one after the other from the nominal model, which has been fitted itself as `none`.
+    fn added(&self, nominal: &Hypothesis, none: &Hypothesis, effects: &[usize]) -> Result<Option<Hypothesis>> {
+        let (mut point, mut poorer) = (nominal.clone(), none.clone());
+        for &effect in effects {
+            let Some(candidate) = self.screen_some(&point, poorer.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
+            let Some(hypothesis) = self.fitted_at_least(&candidate, &point, &poorer)? else { return Ok(None) };
+            (point, poorer) = (hypothesis.clone(), hypothesis);
+        }
+        Ok(Some(point))
     }
 }
