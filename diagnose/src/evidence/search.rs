@@ -18,6 +18,8 @@ use super::screen::Candidate;
 pub const EFFECTS_MAX: usize = 3;
 /// Most times that an effect is added: more than effects, as what was added may be left out again.
 const ROUNDS_MAX: usize = 5;
+/// Part of a misfit that the first effect accounts for at least, where others are looked for beside it though very much is left: half of a third.
+const ACCOUNTED_BY_ONE: f64 = 1.0 / 6.0;
 /// Candidates that are refitted: those whose evidence by screen is within so much of the best that was, at least, at most.
 pub(super) const WITHIN_NATS: f64 = 25.0;
 pub(super) const REFITTED: [usize; 2] = [2, 8];
@@ -104,7 +106,8 @@ impl Fitter<'_> {
         for _ in 0..ROUNDS_MAX {
             let round = outcome.best.effects.len() + 1;
             // Of what three equal effects cause two account for two thirds, and of others for more.
-            if round > EFFECTS_MAX || round == EFFECTS_MAX && self.explains_little(outcome) {
+            if round > EFFECTS_MAX || round == EFFECTS_MAX && self.explains_little(outcome) || round == 2 && self.explains_nothing(outcome)
+            {
                 break;
             }
             // Numbers of the nominal model that made up for a large effect are a bad place to look from.
@@ -167,6 +170,11 @@ impl Fitter<'_> {
     /// Whether the best hypothesis leaves something, and more of the misfit than it accounts for.
     pub(super) fn explains_little(&self, outcome: &Outcome) -> bool {
         self.leftover(&outcome.best).remains() && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED
+    }
+
+    /// Whether one effect leaves very much and accounts for hardly any of it: of what three equal effects cause it would be a third.
+    fn explains_nothing(&self, outcome: &Outcome) -> bool {
+        self.leaves_much(outcome) && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED_BY_ONE
     }
 
     /// Looks closely at what is likely, and weighs all of it.

@@ -298,6 +298,19 @@ fn a_large_effect_is_found_of_which_slopes_say_less_than_of_others() {
 }
 
 #[test]
+fn nothing_is_looked_for_beside_an_effect_that_accounts_for_hardly_any_of_very_much() {
+    let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| {
+        let [loaded, shutter] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        tips(|k: f64| 100.0 * k.cos() + 20.0 * k.sin() * (1.0 - loaded) + 15.0 * (2.0 * k).sin() * (1.0 - shutter))
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let outcome = Fitter::new(&rows, &coordinates).search(|| {}).unwrap().unwrap();
+    assert_eq!(outcome.best.effects.len(), 1);
+    assert!(outcome.fitted.keys().all(|effects| effects.len() < 2));
+}
+
+#[test]
 fn what_others_came_to_before_an_effect_was_told_is_not_lost() {
     // A shutter does half of what a payload could do alone; slopes there say the contrary of what it does.
     let effects = [("payload", [0, 0]), ("rolling-shutter", [0, 0])];
