@@ -42,11 +42,12 @@ impl Fitter<'_> {
 
     /// Some effects, fitted one after the other from the nominal model, which has been fitted itself as `none`.
     fn added(&self, nominal: &Hypothesis, none: &Hypothesis, effects: &[usize]) -> Result<Option<Hypothesis>> {
-        let (mut point, mut poorer) = (nominal.clone(), none.clone());
+        let mut point = nominal.clone();
         for &effect in effects {
+            let poorer = if point.effects.is_empty() { none } else { &point };
             let Some(candidate) = self.screen_some(&point, poorer.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
-            let Some(hypothesis) = self.fitted_at_least(&candidate, &point, &poorer)? else { return Ok(None) };
-            (point, poorer) = (hypothesis.clone(), hypothesis);
+            let Some(hypothesis) = self.fitted_at_least(&candidate, &point, poorer)? else { return Ok(None) };
+            point = hypothesis;
         }
         Ok(Some(point))
     }
