@@ -7,6 +7,8 @@ use crate::stats::median;
 
 /// Fewest steps of a sample that says what a step stands for: rounding is then below one per cent.
 const STEPS_MIN: f64 = 50.0;
+/// Steps below this part of the most were not clipped, also where converters give a step more to one side.
+const BELOW: f64 = 0.98;
 /// A torque is clipped if it is this many times what its steps stand for.
 const BEYOND: f64 = 1.02;
 
@@ -39,9 +41,9 @@ impl Converters {
 /// The largest torque that went through [N m]; `None` where none was clipped.
 fn limit(samples: &[[f64; 2]]) -> Option<f64> {
     let per_step = |[torque, steps]: &[f64; 2]| (torque / steps).abs();
-    let telling: Vec<f64> = samples.iter().filter(|[_, steps]| steps.abs() >= STEPS_MIN).map(per_step).collect();
-    let per_step = median(&telling)?;
-    let most = per_step * samples.iter().map(|[_, steps]| steps.abs()).fold(0.0, f64::max);
+    let most_steps = samples.iter().map(|[_, steps]| steps.abs()).fold(0.0, f64::max);
+    let telling = |[_, steps]: &&[f64; 2]| (STEPS_MIN..BELOW * most_steps).contains(&steps.abs());
+    let most = most_steps * median(&samples.iter().filter(telling).map(per_step).collect::<Vec<_>>())?;
     samples.iter().any(|[torque, _]| torque.abs() > BEYOND * most).then_some(most).filter(|most| *most > 0.0)
 }
 
@@ -64,5 +66,18 @@ mod tests {
         let largest = torques[1].iter().copied().fold(0.0, f64::max);
         approx::assert_relative_eq!(largest, 3000.0 * 2.7e-4, max_relative = 2e-3);
         assert_eq!(torques[2], asked, "converters that were not recorded say nothing");
+    }
+
+    #[test]
+    fn a_drive_that_clips_most_of_the_time_is_seen() {
+        let asked: Vec<f64> = (-100..=100).map(|k| 0.02 * f64::from(k)).collect();
+        let mut converters = Converters::default();
+        for &torque in &asked {
+            converters.push(&[torque; 3], &[(torque / 2.7e-4).clamp(-1501.0, 1500.0).round() as i32; 3]);
+        }
+        let mut torques = vec![asked; 3];
+        converters.clip(&mut torques);
+        let largest = torques[0].iter().copied().fold(0.0, f64::max);
+        approx::assert_relative_eq!(largest, 1501.0 * 2.7e-4, max_relative = 2e-3);
     }
 }
