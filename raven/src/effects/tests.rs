@@ -130,6 +130,26 @@ fn a_loop_that_hardly_adds_to_the_files_leaves_its_shape() {
     assert_eq!(Model::new(&robot, None).unwrap().with(&sited, &[0.0; 4]).robot.joints[2].hysteresis, own);
 }
 
+#[test]
+fn what_the_file_has_stays_beside_an_effect() {
+    let mut robot = nominal::gold();
+    let cable = robot.joints[1].cable.as_mut().unwrap();
+    (cable.slack, cable.fresh_part) = (1e-4, 0.3);
+    let friction = robot.joints[1].link_friction.as_mut().unwrap();
+    (friction.held_part, friction.lag_at_start) = (0.4, -0.5);
+    for id in ["backlash", "cable-stretch", "link-coulomb-friction"] {
+        let sited = Sited::at(&robot, id, Some("elbow")).unwrap();
+        let mut u = vec![0.0; sited.effect.parameters.len()];
+        u[0] = 1e-9;
+        let joint = &Model::new(&robot, None).unwrap().with(&sited, &u).robot.joints[1];
+        let (cable, friction) = (joint.cable.unwrap(), joint.link_friction.unwrap());
+        approx::assert_relative_eq!(cable.slack, 1e-4, max_relative = 1e-3);
+        approx::assert_relative_eq!(cable.fresh_part, 0.3, max_relative = 1e-6);
+        approx::assert_relative_eq!(friction.held_part, 0.4, max_relative = 1e-6);
+        approx::assert_relative_eq!(friction.lag_at_start, -0.5, max_relative = 1e-6);
+    }
+}
+
 /// Between the images the tip speeds up and slows down.
 #[test]
 fn a_late_image_shows_the_tip_where_it_was() {

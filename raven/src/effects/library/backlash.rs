@@ -18,7 +18,7 @@ pub const EFFECT: Effect = Effect {
         let joint = &mut model.robot.joints[place.first];
         let radius = joint.link_pulley_radius;
         if let Some(cable) = &mut joint.cable {
-            cable.slack = values[0] * radius;
+            cable.slack += values[0] * radius;
         }
     },
 };

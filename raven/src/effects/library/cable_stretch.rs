@@ -23,7 +23,7 @@ pub const EFFECT: Effect = Effect {
         let joint = &mut model.robot.joints[place.first];
         if let Some(cable) = &mut joint.cable {
             cable.stiffness *= values[0];
-            cable.fresh_part = values[1];
+            cable.fresh_part += values[1];
         }
     },
 };

@@ -41,10 +41,10 @@ pub const EFFECT: Effect = Effect {
     },
 };
 
-/// Of what gave way, a part holds, and it did so when the recording began.
+/// Of what gave way, a part holds, and it did so when the recording began: beside what the file says of both.
 fn hold(friction: &mut ViscousCoulomb, values: &[f64]) {
     friction.held_part += (1.0 - friction.held_part) * values[2];
-    friction.lag_at_start = values[3];
+    friction.lag_at_start += (1.0 - friction.lag_at_start.abs()) * values[3];
 }
 
 /// The same where the nominal model has none of it: an amount instead of a factor.
