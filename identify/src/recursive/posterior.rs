@@ -35,6 +35,8 @@ impl Posterior {
                 None => {
                     let mut covariance = conditional + &along * along.transpose();
                     for &k in &held {
+                        covariance.row_mut(k).fill(0.0);
+                        covariance.column_mut(k).fill(0.0);
                         covariance[(k, k)] = self.covariance[(k, k)];
                     }
                     return Self { z, covariance, held: (0..n).map(|k| held.contains(&k)).collect() };
@@ -94,6 +96,9 @@ mod tests {
         // a = (a + b) - b: the sum's 0.1 and the prior deviation of b.
         assert_relative_eq!(free.std(1.0)[0], 1.0, epsilon = 0.01);
         assert_eq!(free.identified(&[0.1, 0.1, 0.1]), [true, false, false]);
+        let of_all = free.covariance(1.0);
+        assert_eq!((of_all[(0, 1)], of_all[(2, 1)]), (0.0, 0.0), "held ones count as unrelated");
+        assert!(of_all.cholesky().is_some());
     }
 
     #[test]
