@@ -70,6 +70,7 @@ fn channel_name(channel: Channel) -> &'static str {
 fn need_name(need: Need) -> &'static str {
     match need {
         Need::Motor => "a motor in the file",
+        Need::Turns => "a motor that turns",
         Need::Cable => "a cable in the file",
         Need::Load => "on a bench, torque that tells the load on the cable",
         Need::JointSide => "on a bench, joint encoders",

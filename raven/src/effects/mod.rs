@@ -92,6 +92,8 @@ pub enum Channel {
 pub enum Need {
     /// A motor in the file: without one, torque measured at the shaft is what the cable gets.
     Motor,
+    /// A motor that turns: one that slides has no turn to count waves in.
+    Turns,
     /// A cable in the file that is to be another one.
     Cable,
     /// The load on the cable: an arm's is its links', a bench's is told by torque.

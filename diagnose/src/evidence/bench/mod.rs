@@ -8,7 +8,7 @@ mod tests;
 use nalgebra::Vector3;
 use raven::effects::{BenchModel, Channel, Driven, Effect, Measure, Model, Need, Scope, Sited, Stage, Tension};
 use raven::log::Recording;
-use raven::robot::{Joint, Robot};
+use raven::robot::{Joint, JointType, Robot};
 use raven::{Error, Result};
 
 use super::clustered::BLOCK_S;
@@ -115,11 +115,16 @@ impl<'a> Bench<'a> {
         self.recordings.iter().any(|r| r.has[0])
     }
 
+    fn slides(&self, j: usize) -> bool {
+        self.measures.get(j).is_some_and(|measure| measure.motor == JointType::Prismatic)
+    }
+
     /// What to say where a bench lacks what an effect at a joint needs.
     fn lacks(&self, need: Need, j: usize) -> Option<&'static str> {
         let joint = self.robot.joints.get(j)?;
         let (lacks, because) = match need {
             Need::Motor => (joint.motor.is_none(), "the file has no motor: what is measured at its shaft is what the cable gets"),
+            Need::Turns => (self.slides(j), "its motor slides: it has no turns in which a wave would come again"),
             Need::Cable => (joint.cable.is_none(), "the nominal transmission is rigid"),
             Need::Load => (self.recordings.iter().all(|r| r.has == [false; 2]), "no torque was recorded that tells the load"),
             Need::JointSide => (!self.has_joints(), "nothing measures the joint side: what rubs there counts as the motor's"),

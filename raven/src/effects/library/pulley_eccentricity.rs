@@ -1,6 +1,6 @@
 //! A capstan that runs out of true: an error periodic in the capstan's angle.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
 /// pulley-eccentricity.
 pub const EFFECT: Effect = Effect {
@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "cosine", unit: "capstan length", scale: Scale::Offset(Size::of(3e-4)), tolerance: None },
     ],
     channels: &[Channel::Tip],
-    needs: &[],
+    needs: &[Need::Turns],
     element: None,
     ties: &[Tie::near("lens-distortion")],
     separated_by: "a slow sweep over at least three turns of the capstan",

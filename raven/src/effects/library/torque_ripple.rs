@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "per_turn", unit: "1", scale: Scale::Whole { most: 24 }, tolerance: None },
     ],
     channels: &[Channel::Torque],
-    needs: &[Need::Motor],
+    needs: &[Need::Motor, Need::Turns],
     element: None,
     ties: &[Tie::near("pulley-eccentricity")],
     separated_by: "a slow turn of the motor",

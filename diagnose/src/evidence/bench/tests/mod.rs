@@ -129,6 +129,19 @@ fn what_a_bench_cannot_show_is_listed_with_a_reason() {
 }
 
 #[test]
+fn only_a_motor_that_turns_has_waves_per_turn() {
+    let mut robot = slide(5.0, CABLE);
+    for (capstan_radius_m, because) in [(0.01, None), (1.0, Some("its motor slides: it has no turns in which a wave would come again"))] {
+        robot.joints[0].motor_capstan_radius = capstan_radius_m;
+        let recordings = [recorded(&robot, &[])];
+        let bench = Bench::new(&robot, &recordings).unwrap();
+        for id in ["torque-ripple", "pulley-eccentricity"] {
+            assert_eq!(bench.cannot_show(&Sited::at(&robot, id, Some(&robot.joints[0].name)).unwrap()), because, "{id}");
+        }
+    }
+}
+
+#[test]
 fn a_joint_counts_from_its_hard_stop_wherever_the_motor_was_set_to_there() {
     let mut robot = slide(5.0, CABLE);
     for (hard_stop, motor) in [(0.1, None), (0.1, Some(0.02))] {
