@@ -81,6 +81,7 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     let recordings = || args.motion.iter().chain([&args.log, &args.robot]);
     files::apart(recordings(), &[("-o", args.output.as_deref()), ("--json", args.json.as_deref())])?;
     files::apart([&args.cameras], &[("--json", args.json.as_deref())])?;
+    files::distinct(&args.motion)?;
     let robot = Robot::read(&args.robot)?;
     let mut cameras = Cameras::read(&args.cameras)?;
     let marker = args.appearance.marker(Centre::Ball);
@@ -114,7 +115,13 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     let text = report.text(&robot, mount.as_ref().map(|mount| (axes, mount)), args.rotation_std_deg);
     cli::results(out, &text, args.json.as_deref(), &report)?;
     report.motion.iter().filter_map(|motion| contradiction(motion, &robot)).for_each(|sentence| cli::warn(&sentence));
-    Ok(if lost > 0 { Outcome::DataLost } else { Outcome::Done })
+    if lost > 0 {
+        cli::warn(&format!(
+            "{lost} frames were left out: they could not be decoded, or have not the size that the cameras were calibrated with."
+        ));
+        return Ok(Outcome::DataLost);
+    }
+    Ok(Outcome::Done)
 }
 
 /// What is known when the motion is to be taken in.

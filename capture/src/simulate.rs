@@ -26,16 +26,16 @@ pub struct Args {
     pub motion: Option<Motion>,
     /// Length of the recording [s]: 60 if left off, 3 at the hard stop, 32 for the board, which is shown in a new pose every second, in 25 at
     /// least.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub duration: Option<f64>,
     /// Render images of both cameras instead of writing the tip's position.
     #[arg(long)]
     pub images: bool,
     /// Frames per second of each camera: 15 if left off; of a sealed recording by lot.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     pub rate: Option<f64>,
     /// Standard deviation of a tracked coordinate, without --images [px]: 0.1 if left off; of a sealed recording by lot.
-    #[arg(long, value_name = "PX")]
+    #[arg(long, value_name = "PX", allow_negative_numbers = true)]
     pub noise: Option<f64>,
     /// Part of the time during which something hides the marker.
     #[arg(long, default_value_t = 0.03, value_name = "PART")]
@@ -48,7 +48,7 @@ pub struct Args {
     pub hidden: Hidden,
     /// Part of their tolerances by which the robot file's numbers and the rig's are off, as a standard deviation: 0 if left off, 0.7 of
     /// sealed recordings.
-    #[arg(long, value_name = "PART")]
+    #[arg(long, value_name = "PART", allow_negative_numbers = true)]
     pub off_nominal: Option<f64>,
     /// Add a recording to this folder and seal what it hides in labels.json and labels.sha256; nothing in the recording tells it.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["hidden", "truth", "cameras_out"])]
@@ -102,6 +102,14 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         ("--json", args.json.as_deref()),
     ];
     files::apart(&args.robot, &outputs)?;
+    // Standard output is for machines alone where either of them is asked for there.
+    let has_words = cli::is_left_for_words(&outputs[1..])?;
+    for (k, effect) in args.effect.iter().enumerate() {
+        if args.effect[..k].iter().any(|other| (other.kind, &other.target) == (effect.kind, &effect.target)) {
+            let name = raven::effects::at_place(effect.kind.id(), effect.target.as_deref());
+            return Err(Error::Argument(format!("--effect {name} is given twice; give it once, with all of its size.")));
+        }
+    }
     let robot = args.robot.as_deref().map_or_else(|| Ok(nominal::gold()), Robot::read)?;
     if !(0.0..=4e9).contains(&args.start_time) {
         return Err(Error::Argument(format!("--start-time is {}, expected seconds since 1970.", args.start_time)));
@@ -152,10 +160,8 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
         written.images[1],
     );
     let report = Report { file: output, motion: motion.to_string(), written: &written };
-    // Standard output is for machines alone where either of them is asked for there.
-    let is_aside = args.truth.as_deref().is_some_and(|path| path.as_os_str() == cli::STANDARD_OUTPUT);
     cli::results(out, "", args.truth.as_deref(), &session.truth_json())?;
-    cli::results(out, if is_aside { "" } else { &text }, args.json.as_deref(), &report)?;
+    cli::results(out, if has_words { &text } else { "" }, args.json.as_deref(), &report)?;
     Ok(Outcome::Done)
 }
 
@@ -219,6 +225,22 @@ mod tests {
             let said = seal(&format!("{sealed}/{name}"), "three.mcap").unwrap_err().to_string();
             assert!(said.contains("--json both name"), "{said}");
         }
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_before_anything_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |words: &[&str]| {
+            let words = [&["--motion", "sinusoid", "--duration", "1", "-o", "one.mcap"], words].concat();
+            simulate(folder.path(), &words).unwrap_err().to_string()
+        };
+        let twice = ["--effect", "pulley-radius:elbow=0.01", "--effect", "pulley-radius:elbow=0.02"];
+        assert!(of(&twice).contains("--effect pulley-radius:elbow is given twice"), "{}", of(&twice));
+        assert!(of(&["--truth", "-", "--json", "-"]).contains("both `-`"));
+        assert!(of(&["--noise", "-1"]).contains("--noise is -1"), "{}", of(&["--noise", "-1"]));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let elsewhere = ["--effect", "pulley-radius:elbow=0.01", "--effect", "pulley-radius:shoulder=0.02"];
+        simulate(folder.path(), &[&["--motion", "sinusoid", "--duration", "1", "-o", "one.mcap"], &elsewhere[..]].concat()).unwrap();
     }
 
     #[test]

@@ -57,7 +57,7 @@ pub struct Excite {
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub parameters: Option<Vec<String>>,
     /// Length of the motion [s].
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, allow_negative_numbers = true)]
     pub duration: f64,
     /// Print Cramer-Rao deviations for the lab's motions and the proposal instead.
     #[arg(long)]

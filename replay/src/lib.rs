@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = FilterKind::Bias)]
     pub filter: FilterKind,
     /// Share of the time in which the marker is hidden from the filter, in blocks of 2 s.
-    #[arg(long, default_value_t = 0.0, value_parser = share)]
+    #[arg(long, default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     pub occlude: f64,
     /// What the filter makes of a hidden marker: nothing, or as in the paper the tip that transmission kinematics computes.
     #[arg(long, value_enum, default_value_t = Occlusion::Skip)]

@@ -25,14 +25,22 @@ pub struct Args {
     #[arg(long, default_value_t = 7)]
     seed: u64,
     /// Length of the sinusoid that identification uses [s].
-    #[arg(long, default_value_t = 40.0)]
+    #[arg(long, default_value_t = 40.0, value_parser = length_s, allow_negative_numbers = true)]
     sinusoid_s: f64,
     /// Length of the task motion that the result is checked on [s].
-    #[arg(long, default_value_t = 30.0)]
+    #[arg(long, default_value_t = 30.0, value_parser = length_s, allow_negative_numbers = true)]
     fls_s: f64,
     /// Writes what it ends in as JSON; `-` is standard output.
     #[arg(long)]
     json: Option<PathBuf>,
+}
+
+/// Of a motion [s], as `raven-capture simulate` takes it.
+fn length_s(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.1..=36_000.0).contains(&value) => Ok(value),
+        _ => Err("expected 0.1 to 36000 s".to_owned()),
+    }
 }
 
 /// The machine-readable result.
@@ -154,6 +162,21 @@ impl fmt::Display for Radius {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_length_is_refused_before_anything_is_simulated() {
+        #[derive(Debug, clap::Parser)]
+        struct Tour {
+            #[command(flatten)]
+            args: Args,
+        }
+        let typed = |length: &str| <Tour as clap::Parser>::try_parse_from(["tour", "folder", "--sinusoid-s", length]);
+        assert!(typed("0.1").unwrap().args.sinusoid_s == 0.1);
+        for length in ["0", "-1", "NaN", "40000"] {
+            let said = typed(length).unwrap_err().to_string();
+            assert!(said.contains("--sinusoid-s") && said.contains("0.1 to 36000 s"), "{said}");
+        }
+    }
 
     #[test]
     fn the_ending_has_what_was_hidden_beside_what_was_found() {

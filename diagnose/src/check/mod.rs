@@ -85,8 +85,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let sealed = [CAMERAS, LABELS, LABELS_SUM].map(|name| folder.join(name));
     let outputs = [("--verdicts", Some(args.verdicts.as_path())), ("--json", args.json.as_deref())];
     files::apart(sealed.iter().chain(&args.robot).chain(&args.cameras), &outputs)?;
-    if let Some(count) = args.simulate {
-        simulate(&robot, args.seed, usize::from(count), folder)?;
+    match args.simulate {
+        Some(count) => simulate(&robot, args.seed, usize::from(count), folder)?,
+        None => files::apart(recordings(folder)?, &outputs)?,
     }
     let cameras_path = args.cameras.clone().unwrap_or_else(|| folder.join(CAMERAS));
     let cameras = if args.cameras.is_some() || cameras_path.exists() { Some(Cameras::read(&cameras_path)?) } else { None };

@@ -45,8 +45,14 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let diagnosis = args.diagnosis.as_deref().map(Diagnosis::read).transpose()?;
     let mut robot = before.clone();
+    let mut names = Vec::new();
     for text in &args.add_effect {
         let sized = Request::parse(text)?.sized(&robot, diagnosis.as_ref())?;
+        let name = name(&sized.sited, &robot);
+        if names.contains(&name) {
+            return Err(Error::Argument(format!("--add-effect {name} is given twice; give it once, with all of its size.")));
+        }
+        names.push(name);
         robot = added(&robot, cameras.as_ref(), &sized)?;
         let Effect { id, parameters, .. } = sized.sited.effect;
         if parameters.iter().any(|parameter| parameter.scale == Scale::Moment) {

@@ -52,6 +52,15 @@ fn blamed(id: &str, joint: Option<&str>, parameters: &[(&str, f64, f64, &str)]) 
 }
 
 #[test]
+fn an_effect_is_added_once() {
+    let folder = Folder::new();
+    let twice = "--add-effect pulley-radius:elbow=0.01 --add-effect pulley-radius:elbow=0.01 --robot {robot.yaml} -o {new.yaml}";
+    let said = folder.identify(twice).unwrap_err();
+    assert!(said.contains("--add-effect pulley-radius:elbow is given twice"), "{said}");
+    assert!(!folder.path("new.yaml").exists());
+}
+
+#[test]
 fn values_come_from_the_report() {
     let folder = Folder::new();
     folder.report(&json!([
