@@ -378,7 +378,11 @@ impl Robot {
             return Err("joints is empty; name at least one.".to_owned());
         }
         let arm = matches!(self.kinematics, KinematicsKind::Raven(_));
+        if arm {
+            self.check_kinds()?;
+        }
         for (j, joint) in self.joints.iter().enumerate() {
+            check_name(j, &joint.name)?;
             if self.joints[..j].iter().any(|other| other.name == joint.name) {
                 return Err(format!("joints has the name `{}` twice; every key goes by it, so give each joint its own.", joint.name));
             }
@@ -422,6 +426,21 @@ impl Robot {
         }
         crate::effects::check_listed(self)
     }
+
+    /// The closed form of an arm's kinematics has two angles and a length.
+    fn check_kinds(&self) -> Result<(), String> {
+        const ARM: [JointType; 3] = [JointType::Revolute, JointType::Revolute, JointType::Prismatic];
+        let expected =
+            "kinematics.kind is raven, an arm of two revolute joints and then a prismatic one. Correct it, or write kind: bench.";
+        if self.joints.len() != ARM.len() {
+            return Err(format!("joints has {} entries, expected {}: {expected}", self.joints.len(), ARM.len()));
+        }
+        let name = |kind: JointType| if kind == JointType::Revolute { "revolute" } else { "prismatic" };
+        match self.joints.iter().zip(ARM).find(|(joint, kind)| joint.kind != *kind) {
+            Some((joint, kind)) => Err(format!("joints.{}.type is {}, expected {}: {expected}", joint.name, name(joint.kind), name(kind))),
+            None => Ok(()),
+        }
+    }
 }
 
 impl Observation {
@@ -434,6 +453,17 @@ impl Observation {
             within("observation.translation", distance, [-10.0, 10.0], "m", "millimetres")?;
         }
         Ok(())
+    }
+}
+
+/// Keys part names by `.`, effects on command lines by `:`, `->` and `=`.
+fn check_name(j: usize, name: &str) -> Result<(), String> {
+    if name.is_empty() {
+        return Err(format!("joints[{j}].name is empty; every key goes by it, so name the joint."));
+    }
+    match [".", ":", "->", "="].into_iter().find(|sign| name.contains(sign)) {
+        Some(sign) => Err(format!("joints has the name `{name}`, and `{sign}` parts the keys that go by it; write `_` instead.")),
+        None => Ok(()),
     }
 }
 

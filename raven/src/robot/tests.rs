@@ -289,6 +289,41 @@ fn a_number_that_no_robot_has_is_named() {
     refused("name: elbow", "name: shoulder", "the name `shoulder` twice");
 }
 
+#[test]
+fn joints_that_no_arm_has_are_named() {
+    let path = std::path::Path::new("robot.yaml");
+    let refused = |change: &dyn Fn(&mut Robot), about: &str| {
+        let mut robot = nominal();
+        change(&mut robot);
+        let error = Robot::parse(path, &robot.to_yaml()).expect_err(about).to_string();
+        assert!(error.starts_with("robot.yaml: ") && error.contains(about), "{error}");
+    };
+    refused(&|robot| robot.joints[2].kind = JointType::Revolute, "joints.insertion.type is revolute, expected prismatic");
+    refused(&|robot| robot.joints[1].kind = JointType::Prismatic, "joints.elbow.type is prismatic, expected revolute");
+    refused(&|robot| robot.joints.truncate(2), "joints has 2 entries, expected 3");
+    refused(&|robot| robot.joints.push(Joint { name: "roll".to_owned(), ..robot.joints[0].clone() }), "joints has 4 entries, expected 3");
+}
+
+#[test]
+fn a_joint_is_named_so_that_keys_can_hold_its_name() {
+    let path = std::path::Path::new("robot.yaml");
+    let named = |name: &str| {
+        let mut robot = nominal();
+        robot.cable_coupling.clear();
+        robot.joints[0].name = name.to_owned();
+        Robot::parse(path, &robot.to_yaml())
+    };
+    for (name, about) in [("arm.shoulder", "`.`"), ("arm:shoulder", "`:`"), ("a->b", "`->`"), ("a=b", "`=`")] {
+        let error = named(name).expect_err(name).to_string();
+        assert!(error.contains(&format!("joints has the name `{name}`, and {about}")), "{error}");
+    }
+    let error = named("").unwrap_err().to_string();
+    assert!(error.contains("joints[0].name is empty"), "{error}");
+    for name in ["gold/shoulder_joint", "joint-1", "Schulter links"] {
+        assert!(named(name).unwrap().value_mut(&format!("joints.{name}.hard_stop")).is_some());
+    }
+}
+
 proptest! {
     #[test]
     fn mass_matrix_and_gravity_are_what_the_recursion_says(
