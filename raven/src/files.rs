@@ -8,6 +8,9 @@ use sha2::{Digest, Sha256};
 use crate::cli::STANDARD_OUTPUT;
 use crate::{Error, Result, interrupted};
 
+/// Symbolic links that are followed from one to the next, as many as Linux does.
+const LINKS_MAX: usize = 40;
+
 /// Reads a text file.
 ///
 /// # Errors
@@ -87,9 +90,16 @@ pub fn is_recording(path: &Path) -> bool {
     path.is_file() && read().is_ok() && first == *b"\x89MCAP"
 }
 
-/// What a write to `path` replaces: what a symbolic link points to.
+/// What a write to `path` replaces: what a symbolic link points to, be it there or not; a link that leads in a circle is replaced itself.
 fn replaced(path: &Path) -> PathBuf {
-    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+    let mut target = path.to_owned();
+    for _ in 0..LINKS_MAX {
+        match target.read_link() {
+            Ok(next) => target = folder_of(&target).join(next),
+            Err(_) => return target.canonicalize().unwrap_or(target),
+        }
+    }
+    path.to_owned()
 }
 
 /// An empty temporary file in the folder of what a write to `path` replaces, removed when dropped.
@@ -102,7 +112,7 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     }
     let replaced = replaced(path);
     let folder = folder_of(&replaced);
-    require_folder(path, folder)?;
+    require_folder(folder).map_err(|sentence| Error::file(path, sentence))?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".raven-").suffix(".part");
     #[cfg(unix)]
@@ -119,15 +129,15 @@ pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
 /// # Errors
 /// If the folder does not exist or cannot be written to.
 pub fn nameless_in(folder: &Path) -> Result<std::fs::File> {
-    require_folder(folder, folder)?;
+    require_folder(folder).map_err(|sentence| Error::file(folder, sentence))?;
     tempfile::tempfile_in(folder).map_err(|e| Error::io(folder, "write in", e))
 }
 
-fn require_folder(path: &Path, folder: &Path) -> Result<()> {
+fn require_folder(folder: &Path) -> Result<(), String> {
     if folder.is_dir() {
         return Ok(());
     }
-    Err(Error::file(path, format!("the folder {} does not exist; make it first.", folder.display())))
+    Err(format!("the folder {} does not exist; make it first.", folder.display()))
 }
 
 /// An empty folder among the system's temporary ones, removed when dropped.
@@ -185,14 +195,8 @@ pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&s
                 output.display()
             )));
         }
-        let folder = folder_of(output);
-        if !folder.is_dir() {
-            return Err(Error::Argument(format!(
-                "{option} {}: the folder {} does not exist; make it first.",
-                output.display(),
-                folder.display()
-            )));
-        }
+        require_folder(folder_of(&replaced(output)))
+            .map_err(|sentence| Error::Argument(format!("{option} {}: {sentence}", output.display())))?;
         taken.push((place, option));
     }
     Ok(())
@@ -206,8 +210,9 @@ pub fn folder_of(path: &Path) -> &Path {
 
 /// Where a file is, or will be, by whatever name.
 fn place(path: &Path) -> PathBuf {
-    let beside = || Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?));
-    path.canonicalize().ok().or_else(beside).unwrap_or_else(|| path.to_path_buf())
+    let path = replaced(path);
+    let beside = || Some(folder_of(&path).canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize().ok().or_else(beside).unwrap_or(path)
 }
 
 /// Refuses a recording that is given twice: it would count as two.
@@ -272,6 +277,29 @@ mod tests {
         write_atomic(null, b"nothing").unwrap();
         assert!(is_special(null) && temporary_beside(null).unwrap_err().to_string().contains("name a file"));
         assert!(write_atomic(folder.path(), b"x").unwrap_err().to_string().contains("name a file"));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_to_what_is_not_there_yet_stay_links() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("results")).unwrap();
+        symlink("results/latest.yaml", at("link.yaml")).unwrap();
+        symlink("../robot.yaml", at("results/latest.yaml")).unwrap();
+        let outputs = |other: &str| apart::<&Path>([], &[("-o", Some(&at("link.yaml"))), ("--json", Some(&at(other)))]);
+        outputs("other.yaml").unwrap();
+        assert!(outputs("robot.yaml").unwrap_err().to_string().contains("-o and --json both name"));
+        write_atomic(&at("link.yaml"), b"new").unwrap();
+        assert!(at("link.yaml").is_symlink() && at("results/latest.yaml").is_symlink() && !at("robot.yaml").is_symlink());
+        assert_eq!(read_text(&at("robot.yaml")).unwrap(), "new");
+        symlink("missing/robot.yaml", at("astray.yaml")).unwrap();
+        let nowhere = [write_atomic(&at("astray.yaml"), b"x"), apart::<&Path>([], &[("-o", Some(&at("astray.yaml")))])];
+        assert!(nowhere.into_iter().all(|refused| refused.unwrap_err().to_string().contains("missing does not exist; make it first")));
+        symlink("circle.yaml", at("circle.yaml")).unwrap();
+        write_atomic(&at("circle.yaml"), b"x").unwrap();
+        assert_eq!(read_text(&at("circle.yaml")).unwrap(), "x");
     }
 
     #[test]
