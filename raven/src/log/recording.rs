@@ -338,7 +338,8 @@ impl<'s> Reader<'s> {
         if self.topics.contains_key(topics::TIP) {
             quality.insert(topics::TIP.to_owned(), tip_quality);
         }
-        self.tip.sort_by_key(|tip| tip.stamp);
+        // Of several with one stamp, one that was seen stays.
+        self.tip.sort_by_key(|tip| (tip.stamp, tip.status.code()));
         self.tip.dedup_by_key(|tip| tip.stamp);
         let (controller, _) = self.controller.finish(start);
         Ok(Recording {

@@ -148,7 +148,7 @@ impl SeriesBuilder {
 
     /// The series in the order of time.
     ///
-    /// Samples with a position that is not finite are left out, and of two samples with one stamp the second. Effort counts as recorded if
+    /// Samples with a position that is not finite are left out, and of two samples at one time the second. Effort counts as recorded if
     /// at least half of the samples have it for all joints; then samples without it are left out too.
     pub(super) fn finish(self, origin: Stamp) -> (JointSeries, StreamQuality) {
         let joints = self.names.len();
@@ -163,8 +163,10 @@ impl SeriesBuilder {
         quality.without_stamp = self.without_stamp;
         quality.undecodable = self.undecodable;
         order.sort_by_key(|&i| self.stamps.get(i));
-        order.dedup_by_key(|i| self.stamps.get(*i));
-        let time_s = order.iter().filter_map(|&i| Some(self.stamps.get(i)?.seconds_since(origin))).collect();
+        // Far from the origin, stamps that differ may be the same in seconds.
+        let seconds = |i: usize| self.stamps.get(i).map(|stamp| stamp.seconds_since(origin));
+        order.dedup_by_key(|i| seconds(*i));
+        let time_s = order.iter().filter_map(|&i| seconds(i)).collect();
         let position = columns(&self.position, joints, &order);
         let effort = has_effort.then(|| columns(&self.effort, joints, &order));
         (JointSeries::new(self.names, time_s, position, effort), quality)
@@ -193,6 +195,18 @@ mod tests {
         let (series, quality) = series(&[(0, 0.0, 1.0), (20, 2.0, 1.0), (10, 1.0, 1.0), (10, 9.0, 1.0)]);
         assert_eq!(series.position, [[0.0, 1.0, 2.0]]);
         assert_eq!((quality.backward, quality.duplicates), (1, 1));
+    }
+
+    /// Seconds since 1970 have steps of 0.24 us as floating-point numbers.
+    #[test]
+    fn samples_at_one_time_of_a_distant_origin_are_kept_once() {
+        let mut builder = SeriesBuilder::new(vec!["x".into()]);
+        for (nanoseconds, position) in [(0, 0.0), (5, 1.0), (1_000_000, 2.0)] {
+            builder.push(Stamp(1_700_000_000_000_000_000 + nanoseconds), &[position], &[1.0]);
+        }
+        let (series, _) = builder.finish(Stamp(0));
+        assert_eq!((series.position, series.time_s.len()), (vec![vec![0.0, 2.0]], 2));
+        assert!(series.time_s[0] < series.time_s[1]);
     }
 
     #[test]

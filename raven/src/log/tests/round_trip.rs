@@ -54,6 +54,20 @@ fn robot_joints_tip_and_what_goes_with_them() {
     assert_relative_eq!(recording.motor.unwrap().position[0][3], -3.0_f64.to_radians(), epsilon = 1e-12);
 }
 
+/// A tracker that tries again writes two observations with one stamp.
+#[test]
+fn of_two_tips_with_one_stamp_that_which_was_seen_counts() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path).unwrap();
+    for (at, status) in [(3, TipStatus::Occluded), (3, TipStatus::Seen), (4, TipStatus::Seen), (4, TipStatus::Jumped)] {
+        log.tip(&observation(at, status)).unwrap();
+    }
+    log.finish().unwrap();
+    let tips = Recording::read(&path, &MotorSource::default()).unwrap().tip;
+    let kept: Vec<(Stamp, TipStatus)> = tips.iter().map(|tip| (tip.stamp, tip.status)).collect();
+    assert_eq!(kept, [(ms(3), TipStatus::Seen), (ms(4), TipStatus::Seen)]);
+}
+
 #[test]
 fn frames_of_both_kinds() {
     let (_folder, path) = place();
