@@ -281,7 +281,7 @@ impl Stream {
                     self.survey.truncated_frames += usize::from(frame.is_truncated());
                     // A count that starts again is a new recording, not a loss.
                     let jump = frame.sequence.zip(self.last_frame).and_then(|(now, before)| now.checked_sub(before + 1));
-                    self.survey.missing_frames += jump.unwrap_or(0);
+                    self.survey.missing_frames = self.survey.missing_frames.saturating_add(jump.unwrap_or(0));
                     self.last_frame = frame.sequence;
                 }
                 None => self.undecodable += 1,

@@ -126,6 +126,23 @@ fn tip_and_frames_in_ros1() {
     assert_eq!(jpeg.data, FrameData::Jpeg(vec![0xff, 0xd8, 0xff, 0xd9]));
 }
 
+/// Counts of 64 bits that leap and start again.
+#[test]
+fn missing_frames_are_counted_as_far_as_numbers_go() {
+    let (_folder, path) = place();
+    let definition = format!("Header header\nstring format\nuint8[] data\n{}", HEADER_TYPE.replace("uint32 seq", "uint64 seq"));
+    let mut log = LogWriter::create(&path).unwrap();
+    let image = ros1_channel(&mut log, topics::LEFT_COMPRESSED, "sensor_msgs/CompressedImage", &definition);
+    for count in [1, i64::MAX].repeat(3) {
+        let (seconds, nanoseconds) = ms(0).to_ros();
+        let wire = Wire::default().bytes(&count.to_le_bytes()).u32s(&[seconds, nanoseconds]).text("left").text("jpeg").u32s(&[0]);
+        log.write(image, ms(0), 0, &wire.0).unwrap();
+    }
+    log.finish().unwrap();
+    let surveyed = Survey::of(&path).unwrap();
+    assert_eq!(surveyed.topics[0].missing_frames, u64::MAX);
+}
+
 /// A position that is not finite cannot be used, whatever its status says.
 #[test]
 fn a_seen_tip_without_numbers_counts_as_occluded() {
