@@ -56,9 +56,9 @@ pub struct SmootherStep<const N: usize> {
     pub filtered: SVector<f64, N>,
     /// Mean after it.
     pub predicted: SVector<f64, N>,
-    /// Smoother gain `G`.
+    /// Smoother gain `G`; zero where the predicted covariance has no inverse.
     pub gain: SMatrix<f64, N, N>,
-    /// Factor `B` of the covariance that remains if the next state were known.
+    /// Factor `B` of the covariance that remains if the next state were known; all of the filtered one where the gain is zero.
     pub residual_factor: SMatrix<f64, N, N>,
 }
 
@@ -210,7 +210,7 @@ impl<const N: usize, const M: usize> SquareRootUkf<Const<N>, M> {
     ) -> SmootherStep<N> {
         self.draw_points();
         self.before.copy_from_slice(&self.points);
-        let filtered = self.mean;
+        let (filtered, filtered_factor) = (self.mean, self.factor);
         self.predict(transition, noise_factor);
         let array = &mut self.smoothing_array;
         array.clear();
@@ -228,9 +228,12 @@ impl<const N: usize, const M: usize> SquareRootUkf<Const<N>, M> {
         }
         array.triangularise();
         let across = SMatrix::<f64, N, N>::from_fn(|r, c| array.get(N + r, c));
-        // Without noise in some direction nothing can be learned about it from later: its gain is zero.
-        let gain = self.factor.transpose().solve_upper_triangular(&across.transpose()).map_or_else(SMatrix::zeros, |g| g.transpose());
-        let residual_factor = SMatrix::from_fn(|r, c| if c <= r { array.get(N + r, N + c) } else { 0.0 });
+        let remaining = || SMatrix::from_fn(|r, c| if c <= r { array.get(N + r, N + c) } else { 0.0 });
+        // A prediction that is certain in some direction has no inverse: the step stays as filtered, in every direction.
+        let (gain, residual_factor) = match self.factor.transpose().solve_upper_triangular(&across.transpose()) {
+            Some(gain) => (gain.transpose(), remaining()),
+            None => (SMatrix::zeros(), filtered_factor),
+        };
         SmootherStep { filtered, predicted: self.mean, gain, residual_factor }
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::AddAssign;
 
 use approx::assert_relative_eq;
-use nalgebra::{Const, Matrix1, Matrix4, SMatrix, SVector, Vector1, Vector3, Vector4};
+use nalgebra::{Const, Matrix1, Matrix2, Matrix4, SMatrix, SVector, Vector1, Vector2, Vector3, Vector4};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -95,6 +95,18 @@ fn smoother_equals_weighted_least_squares_over_the_whole_record() {
         let expected = covariance.fixed_view::<4, 4>(4 * k, 4 * k).into_owned();
         assert_relative_eq!(state.factor * state.factor.transpose(), expected, epsilon = 1e-9);
     }
+}
+
+/// A state that is known exactly leaves the predicted covariance without an inverse.
+#[test]
+fn a_step_that_cannot_be_smoothed_stays_as_filtered() {
+    let factor = Matrix2::new(0.2, 0.0, 0.0, 0.0);
+    let mut filter = SquareRootUkf::<Const<2>, 1>::new(Vector2::new(1.0, 2.0), factor);
+    let step = filter.predict_recorded(|x| Vector2::new(x[0] + 0.1 * x[1], x[1]), &Matrix2::zeros());
+    filter.update(&Vector1::new(1.3), |x| Vector1::new(x[0]), &Matrix1::new(0.1), None);
+    let smoothed = smooth(&[step], Smoothed { mean: filter.mean, factor: filter.factor })[0];
+    assert_relative_eq!(smoothed.mean, Vector2::new(1.0, 2.0), epsilon = 1e-12);
+    assert_relative_eq!(smoothed.factor * smoothed.factor.transpose(), factor * factor.transpose(), epsilon = 1e-12);
 }
 
 #[test]
