@@ -43,8 +43,9 @@ pub struct Change {
 }
 
 impl Robot {
-    /// The numbers in which `new` differs from this file, in the file's order and then in that of `new`; a coupling that one of them lacks is
-    /// 0 there. What follows from others (`motor_at_hard_stop`) is not among them.
+    /// The numbers in which `new` differs from this file, of those that calibration and effects can change, in the file's order and then in
+    /// that of `new`; a coupling that one of them lacks is 0 there. Numbers that `new` leaves to the model are not among them, nor what follows
+    /// from others (`motor_at_hard_stop`), nor limits, gravity, centres of mass, encoder counts, tolerances and listed effects.
     #[must_use]
     pub fn changes_to(&self, new: &Self) -> Vec<Change> {
         let mut keys = self.keys();
@@ -62,7 +63,7 @@ impl Robot {
         keys.into_iter().filter_map(change).collect()
     }
 
-    /// Keys and units of the file's numbers.
+    /// Keys and units of the numbers that calibration and effects can change.
     fn keys(&self) -> Vec<(String, &'static str)> {
         let mut keys: Vec<(String, &str)> = [("wrist_offset", "m"), ("link_angle_12", "rad"), ("link_angle_23", "rad")]
             .map(|(key, unit)| (format!("kinematics.{key}"), unit))
@@ -148,7 +149,9 @@ impl Robot {
         }
     }
 
-    /// The robot as it was before anything was identified: what its controller believed when the logs were recorded.
+    /// The robot as it was before anything was identified: what its controller believed when the logs were recorded. Numbers in `calibration`
+    /// get their priors, and observation, listed effects and `motor_at_hard_stop` are cleared. A number that the file had left to the model has
+    /// no prior there and stays, and a coupling that it lacked stays as one of 0.
     #[must_use]
     pub fn before_calibration(&self) -> Self {
         let mut robot = self.clone();
