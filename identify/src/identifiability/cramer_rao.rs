@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use crate::batch::Jacobian;
 
 /// Eigenvalue of the information with unit diagonal below which a direction does not show: what rounding leaves of difference quotients.
-const NOTHING: f64 = 1e-11;
+pub(super) const NOTHING: f64 = 1e-11;
 /// Part of a hidden direction above which an unknown is lost with it.
 const LOST: f64 = 1e-6;
 

@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 
-use super::cramer_rao::Scaled;
+use super::cramer_rao::{NOTHING, Scaled};
 use crate::priors::Unknown;
 
 /// Part of the direction [1] from which an unknown is named.
@@ -18,9 +18,9 @@ const SEPARATE: f64 = 3.0;
 pub struct Weakest {
     /// The unknowns with a large part in it, largest first, and their parts, the first of which is positive.
     pub parts: Vec<(usize, f64)>,
-    /// By how much worse they are known together than each alone.
+    /// By how much worse they are known together than each alone; infinite if nothing tells them apart.
     pub worse: f64,
-    /// Largest over least eigenvalue.
+    /// Largest over least eigenvalue; infinite if nothing tells the unknowns apart.
     pub condition: f64,
 }
 
@@ -34,8 +34,8 @@ impl Weakest {
         parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
         let sign = parts[0].1.signum();
         let parts = parts.into_iter().filter(|(_, part)| part.abs() >= NAMED).map(|(k, part)| (k, sign * part)).collect();
-        let positive = values[least].max(0.0);
-        Some(Self { parts, worse: 1.0 / positive.sqrt(), condition: values.max() / positive })
+        let shown = if values[least] > NOTHING { values[least] } else { 0.0 };
+        Some(Self { parts, worse: 1.0 / shown.sqrt(), condition: values.max() / shown })
     }
 
     /// In words. `information` is per prior deviation of the unknowns, without the prior.
@@ -59,14 +59,14 @@ impl Weakest {
         if !against.is_empty() {
             how.push(format!("with {against} down"));
         }
-        format!(
-            "{} move together: {} up {} leaves the tip almost where it was, {:.0} times less visible than one of them alone; {}.",
-            all.join(" and "),
-            name(first.0),
-            how.join(" and "),
-            self.worse,
-            known(unknowns, information, first.0, others[0].0, others[0].1 > 0.0)
-        )
+        let (all, how) = (all.join(" and "), format!("{} up {}", name(first.0), how.join(" and ")));
+        let said = if self.worse.is_finite() {
+            let worse = self.worse;
+            format!("{all} move together: {how} leaves the tip almost where it was, {worse:.0} times less visible than one of them alone")
+        } else {
+            format!("{all} cannot be told apart: {how} leaves the tip where it was")
+        };
+        format!("{said}; {}.", known(unknowns, information, first.0, others[0].0, others[0].1 > 0.0))
     }
 }
 
@@ -119,6 +119,19 @@ mod tests {
         assert!(opposite.contains(" down") && opposite.contains("product"), "{opposite}");
         let (_, mixed) = said(&["offset_1", "k_e1"], [[1000.0, 0.0, 0.0], [1000.0, 10.0, 0.0]]);
         assert!(mixed.contains("times better if"), "{mixed}");
+    }
+
+    /// Rounding leaves an eigenvalue of some 1e-17, or less than nothing, of twins.
+    #[test]
+    fn twins_that_nothing_tells_apart_are_called_so() {
+        for column in [[1000.0, 0.0, 0.0], [0.1, 0.7, 0.3], [1.0 / 3.0, 1e4, 7.7]] {
+            let (weakest, sentence) = said(&["k_e1", "b_e1"], [column, column.map(|v| 1.1 * v)]);
+            assert!(weakest.worse.is_infinite() && weakest.condition.is_infinite(), "{weakest:?}");
+            assert!(sentence.contains("cannot be told apart") && sentence.contains("product"), "{sentence}");
+            assert!(!sentence.contains("inf") && !sentence.contains("times less visible"), "{sentence}");
+        }
+        let (weakest, sentence) = said(&["k_e1", "b_e1"], [[1000.0, 0.0, 0.0], [1000.0, 0.1, 0.0]]);
+        assert!(weakest.worse.is_finite() && sentence.contains("times less visible"), "{sentence}");
     }
 
     #[test]
