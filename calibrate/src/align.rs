@@ -178,7 +178,7 @@ fn refined(glimpses: &[Glimpse], latency: usize, start: Isometry3<f64>) -> Optio
     for _ in 0..ROUNDS {
         let all = glimpses.iter().map(|g| (nearest(g, latency, &pose), g.tips_m[latency]));
         let near: Vec<_> = all.filter(|((_, off), _)| *off < NEAR_M).collect();
-        let scale = 1.4826 * raven::stats::median(&near.iter().map(|((_, off), _)| *off).collect::<Vec<f64>>())?;
+        let scale = raven::stats::robust_std(&near.iter().map(|((_, off), _)| *off).collect::<Vec<f64>>())?;
         let weighed: Vec<_> = near.iter().map(|((p, off), q)| (*p, *q, (HUBER * scale / off.max(1e-9)).min(1.0))).collect();
         let moved = rigid(&weighed)?;
         let settled = (moved.translation.vector - pose.translation.vector).norm() < 1e-7 && moved.rotation.angle_to(&pose.rotation) < 1e-7;

@@ -218,10 +218,9 @@ fn robust(rig: Rig, views: &[View], free: Free) -> Option<(Solution, Huber)> {
     let mut huber = Huber { threshold_px: f64::INFINITY };
     let mut solution = bundle::solve(rig, views, free, huber)?;
     for _ in 0..2 {
-        let mut distances: Vec<f64> = residuals(&solution.rig, views).iter().flatten().flatten().map(Vector2::norm).collect();
-        distances.sort_by(f64::total_cmp);
+        let distances: Vec<f64> = residuals(&solution.rig, views).iter().flatten().flatten().map(Vector2::norm).collect();
         // The median of the length of a two-dimensional normal deviate is 1.1774 standard deviations.
-        let sigma = distances.get(distances.len() / 2)? / 1.1774;
+        let sigma = raven::stats::median(&distances)? / 1.1774;
         // Corners without noise would make rounding an outlier.
         huber = Huber { threshold_px: OUTLIER_SIGMAS * sigma.max(1e-6) };
         solution = bundle::solve(solution.rig, views, free, huber)?;
