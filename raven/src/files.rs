@@ -11,12 +11,16 @@ use crate::{Error, Result, interrupted};
 /// Symbolic links that are followed from one to the next, as many as Linux does.
 const LINKS_MAX: usize = 40;
 
-/// Reads a text file.
+/// What a text that is read from standard input is called.
+const STANDARD_INPUT: &str = "-";
+
+/// Reads a text file; `-` is standard input.
 ///
 /// # Errors
 /// If the file cannot be opened or is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))
+    let text = if path.as_os_str() == STANDARD_INPUT { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(path) };
+    text.map_err(|e| Error::io(path, "read", e))
 }
 
 /// Parses YAML that was read from `path`.
@@ -107,6 +111,7 @@ fn replaced(path: &Path) -> PathBuf {
 /// # Errors
 /// If the folder does not exist or cannot be written to, or `path` is no regular file.
 pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
+    no_stream(path)?;
     if path.exists() && !path.is_file() {
         return Err(Error::file(path, "this is a folder or a device; name a file to write."));
     }
@@ -164,8 +169,17 @@ pub fn persist(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
 /// # Errors
 /// If the file exists.
 pub fn unused(recording: &Path) -> Result<()> {
+    no_stream(recording)?;
     if recording.exists() {
         return Err(Error::file(recording, "this recording exists, and recordings are never written over; choose another name."));
+    }
+    Ok(())
+}
+
+/// Refuses standard output for what is written as a file, in one step or with an index at its end.
+fn no_stream(path: &Path) -> Result<()> {
+    if path.as_os_str() == STANDARD_OUTPUT {
+        return Err(Error::Argument("`-` is standard output, which does not take this; name a file.".to_owned()));
     }
     Ok(())
 }
@@ -174,7 +188,7 @@ pub fn unused(recording: &Path) -> Result<()> {
 /// the options that name them.
 ///
 /// # Errors
-/// If an output is one of the inputs or of the other outputs, or its folder does not exist.
+/// If an output is one of the inputs or of the other outputs, or a folder, or its folder does not exist.
 pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&str, Option<&Path>)]) -> Result<()> {
     let there: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
     let mut taken: Vec<(PathBuf, &str)> = Vec::new();
@@ -182,6 +196,9 @@ pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&s
         // A pipe or a device, as /dev/tty, may be any of them, and standard output is no file.
         let is_file = |output: &&Path| output.as_os_str() != STANDARD_OUTPUT && !is_special(output);
         let Some(output) = output.filter(is_file) else { continue };
+        if output.is_dir() {
+            return Err(Error::Argument(format!("{option} {}: this is a folder; name a file to write.", output.display())));
+        }
         let place = place(output);
         if let Some((_, other)) = taken.iter().find(|(known, _)| *known == place) {
             return Err(Error::Argument(format!(
@@ -277,6 +294,11 @@ mod tests {
         write_atomic(null, b"nothing").unwrap();
         assert!(is_special(null) && temporary_beside(null).unwrap_err().to_string().contains("name a file"));
         assert!(write_atomic(folder.path(), b"x").unwrap_err().to_string().contains("name a file"));
+        let said = apart([&file], &[("--json", Some(folder.path()))]).unwrap_err().to_string();
+        assert!(said.starts_with("--json") && said.contains("this is a folder"), "{said}");
+        for stream in [write_atomic(Path::new("-"), b"x"), unused(Path::new("-"))] {
+            assert!(stream.unwrap_err().to_string().contains("`-` is standard output"));
+        }
     }
 
     #[test]

@@ -125,8 +125,14 @@ impl Recording {
     /// A sentence about messages that could not be used, if there are any.
     #[must_use]
     pub fn unusable(&self) -> Option<String> {
-        let messages: usize = self.quality.values().map(|quality| quality.non_finite + quality.undecodable).sum();
-        (messages > 0).then(|| format!("{}: {messages} messages without finite numbers were left out.", self.name()))
+        let sum = |of: fn(&StreamQuality) -> usize| self.quality.values().map(of).sum::<usize>();
+        let counts = [
+            (sum(|quality| quality.non_finite), "without finite numbers"),
+            (sum(|quality| quality.undecodable), "that could not be decoded"),
+        ];
+        let words: Vec<String> =
+            counts.iter().filter(|(count, _)| *count > 0).map(|(count, which)| format!("{count} messages {which}")).collect();
+        (!words.is_empty()).then(|| format!("{}: {} were left out.", self.name(), words.join(" and ")))
     }
 
     /// The name of the file, without its folder.

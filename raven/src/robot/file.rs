@@ -370,7 +370,7 @@ impl Robot {
         Ok(robot)
     }
 
-    fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), String> {
         if self.format != "raven-robot/1" {
             return Err(format!("format is `{}`, expected `raven-robot/1`.", self.format));
         }
@@ -424,6 +424,7 @@ impl Robot {
                 ));
             }
         }
+        self.check_calibration()?;
         crate::effects::check_listed(self)
     }
 

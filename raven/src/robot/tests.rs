@@ -213,6 +213,21 @@ fn the_file_reads_back_as_it_was_written() {
     robot.write(&path).unwrap();
     assert_eq!(Robot::read(&path).unwrap(), robot);
     assert_eq!(robot.before_calibration().joints[0].link_pulley_radius, 0.063095);
+    let text = std::fs::read_to_string(&path).unwrap();
+    for (was, is, sentence) in [
+        ("prior: 0.063095", "prior: .nan", "calibration of joints.shoulder.link_pulley_radius: prior is NaN"),
+        ("prior: 0.063095", "prior: 0.0", "as it was before its calibration, by prior: joints.shoulder.link_pulley_radius is 0"),
+        ("prior_std: 0.0063", "prior_std: -1.0", "prior_std is -1, expected a number from 0 on"),
+        (
+            "key: joints.shoulder.",
+            "key: joints.nobody.",
+            "calibration has joints.nobody.link_pulley_radius, a number that the file does not have",
+        ),
+    ] {
+        assert!(text.contains(was), "{text}");
+        let said = Robot::parse(&path, &text.replace(was, is)).unwrap_err().to_string();
+        assert!(said.contains(sentence), "{said}");
+    }
 }
 
 #[test]
