@@ -5,7 +5,7 @@
 //! ```
 //!
 //! `before` is the model with the file in hand, `after` the same with the effects and nothing else; retuned, the file's own numbers are as they
-//! come out beside the effects, within their tolerances: what makes up for an effect has to give way when it is added. Intervals are those of a
+//! come out beside the effects, held by their tolerances: what makes up for an effect has to give way when it is added. Intervals are those of a
 //! bootstrap over blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
 
 use rand::{RngExt, SeedableRng};
@@ -38,7 +38,7 @@ pub struct Closure {
     pub closed_ci95: Option<[f64; 2]>,
     /// The effects were fitted on other blocks than these numbers are of.
     pub held_out: bool,
-    /// With the file's own numbers moved within their tolerances as well, fitted on other blocks.
+    /// With the file's own numbers moved against their tolerances as well, fitted on other blocks.
     pub retuned: Retuned,
     /// Shares of several effects, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]

@@ -19,11 +19,11 @@ pub use fitness::check_fitness;
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{at, number, off, sentence, tied, words};
+pub use words::{at, number, off, sentence, size, tied, together, words};
 
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::Sited;
+use raven::effects::{Scale, Sited};
 use raven::log::Recording;
 use raven::robot::{KinematicsKind, Robot};
 use serde::Serialize;
@@ -108,6 +108,9 @@ pub struct Estimate {
     /// Whether it belongs to the law and says nothing of whether the effect is there: left out of sentences.
     #[serde(skip)]
     pub aside: bool,
+    /// Whether it is one of the whole numbers, which has no deviation.
+    #[serde(skip)]
+    pub whole: bool,
 }
 
 impl Attribution {
@@ -329,6 +332,7 @@ fn estimate(fitter: &Fitter, hypothesis: &Hypothesis, c: usize, std: f64) -> Est
     let (parameter, measure, u) = (coordinates.parameter(c), coordinates.sited[coordinates.all[c].effect].measure, hypothesis.u[c]);
     Estimate {
         aside: coordinates.all[c].is_unknown(),
+        whole: matches!(parameter.scale, Scale::Whole { .. }),
         name: parameter.name,
         value: parameter.value(u, measure),
         std: parameter.std(u, std, measure),

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::{Attribution, Blamed, Candidate, Closure, Estimate, FileNumber, Tied, Word};
+use raven::plot::svg::figure;
+
+use super::{Attribution, Blamed, Candidate, Closure, Detectable, Estimate, FileNumber, Tied, Word};
 
 /// Candidates that a terminal shows.
 const SHOWN: usize = 5;
@@ -11,10 +13,15 @@ const SHOWN: usize = 5;
 /// Probability of a cause outside the library from which on it is spoken of where nothing remains.
 const WORTH_A_WORD: f64 = 0.1;
 
+/// Part of the gap below which effects are hardly seen in it.
+const HARDLY_SEEN: f64 = 0.1;
+/// Shares from here to the whole are said to be over this [%].
+const NEARLY_ALL: f64 = 99.9;
+
 /// The verdict in a sentence.
 #[must_use]
 pub fn sentence(attribution: &Attribution) -> String {
-    let causes: Vec<String> = attribution.effects.iter().map(cause).collect();
+    let causes: Vec<String> = attribution.effects.iter().map(|effect| cause(effect, attribution)).collect();
     match attribution.verdict {
         Word::None => format!(
             "No effect is needed: the model explains these recordings within the tolerances of its numbers.{} That there is one all the same, too \
@@ -28,13 +35,15 @@ pub fn sentence(attribution: &Attribution) -> String {
             } else {
                 String::new()
             };
-            format!("The gap is explained by {}; what is left looks like noise.{doubt}", causes.join(" and "))
+            let hardly = hardly_seen(attribution);
+            format!("The gap is explained by {}; what is left looks like noise.{hardly}{doubt}", causes.join(" and "))
         }
         Word::PartlyExplained => format!(
-            "The gap is explained in part by {}, {:.0} % of the misfit; something reproducible remains, and what is named {}.",
+            "The gap is explained in part by {}, {} of the misfit; something reproducible remains, and what is named {}.{}",
             causes.join(" and "),
-            100.0 * attribution.misfit_accounted.unwrap_or(0.0),
-            may_stand_in(attribution)
+            short_of_all(attribution.misfit_accounted.unwrap_or(0.0)),
+            may_stand_in(attribution),
+            hardly_seen(attribution)
         ),
         Word::Unexplained => {
             let file = attribution.file_numbers.first().map_or_else(String::new, |worst| {
@@ -54,15 +63,56 @@ fn may_stand_in(attribution: &Attribution) -> String {
     format!("may stand in for a cause that the library does not have (probability {:.2})", attribution.probability_outside)
 }
 
+/// A share that is not the whole, and is not rounded to it either.
+fn short_of_all(share: f64) -> String {
+    let percent = 100.0 * share;
+    match percent {
+        _ if percent > NEARLY_ALL => format!("over {NEARLY_ALL} %"),
+        _ if percent >= 99.5 => format!("{percent:.1} %"),
+        _ => format!("{percent:.0} %"),
+    }
+}
+
+/// That evidence may be large where the rms gap hardly moves, as where numbers of the file make nearly all of it; nothing where it does move.
+fn hardly_seen(attribution: &Attribution) -> String {
+    let mut closed = attribution.gap.iter().filter_map(|gap| gap.closed).peekable();
+    if closed.peek().is_none() || closed.any(|closed| closed >= HARDLY_SEEN) {
+        return String::new();
+    }
+    let retuned =
+        attribution.gap.iter().filter_map(|gap| Some((&gap.channel, gap.retuned.closed.filter(|closed| *closed >= HARDLY_SEEN)?)));
+    let retuned: Vec<String> = retuned.map(|(channel, closed)| format!("{:.0} % at the {channel}", 100.0 * closed)).collect();
+    let (it, accounts, closes) = if attribution.effects.len() > 1 { ("they", "account", "close") } else { ("it", "accounts", "closes") };
+    let retuned = if retuned.is_empty() { "no more".to_owned() } else { retuned.join(", ") };
+    format!(
+        " What {it} {accounts} for is hardly seen in the rms gap, of which {it} {closes} less than a tenth in every channel; with the file's numbers \
+         retuned as well the gap closes by {retuned}."
+    )
+}
+
 fn leads(candidate: &Candidate) -> String {
     let what = at(candidate.id, candidate.joint.as_deref());
     format!(" Of all effects {what} comes nearest, with probability {:.2}: too little to blame it.", candidate.probability)
 }
 
 /// `pulley-radius at the shoulder (relative_error -0.0518 +- 0.0004; probability 0.99)`.
-fn cause(blamed: &Blamed) -> String {
+fn cause(blamed: &Blamed, attribution: &Attribution) -> String {
     let what = at(blamed.id, blamed.joint.as_deref());
-    format!("{what} ({}; probability {:.2})", blamed.numbers().join(", "), blamed.probability)
+    let probability = together(blamed, attribution).unwrap_or_else(|| format!("{:.2}", blamed.probability));
+    format!("{what} ({}; probability {probability})", blamed.numbers().join(", "))
+}
+
+/// The probability of a cause with those of the candidates that no recording can tell from it, `0.90 together with tool-length, which is the same`;
+/// `None` where it has all of it alone.
+#[must_use]
+pub fn together(blamed: &Blamed, attribution: &Attribution) -> Option<String> {
+    let candidate = |id: &str, joint: &Option<String>| attribution.candidates.iter().find(|of| of.id == id && of.joint == *joint);
+    let own = candidate(blamed.id, &blamed.joint)?.probability;
+    let same = blamed.ties.iter().filter(|tie| tie.exact && candidate(tie.id, &tie.joint).is_some());
+    let same: Vec<String> = same.map(|tie| at(tie.id, tie.joint.as_deref())).collect();
+    let is = if same.len() == 1 { "which is" } else { "which are" };
+    let differs = format!("{own:.2}") != format!("{:.2}", blamed.probability);
+    (differs && !same.is_empty()).then(|| format!("{:.2} together with {}, {is} the same", blamed.probability, same.join(" and ")))
 }
 
 /// What is tied with a cause: `joint-offset at the insertion cannot be told from it`.
@@ -93,13 +143,38 @@ pub fn off(of: &FileNumber) -> String {
     format!("{}: {}", at(of.id, of.joint.as_deref()), number(&of.estimate))
 }
 
-/// A number with as many digits as its deviation gives meaning to.
+/// A number with as many digits as its deviation gives meaning to; angles in degrees and lengths in millimetres, as gaps are.
 #[must_use]
 pub fn number(estimate: &Estimate) -> String {
-    let Estimate { name, value, std, unit, .. } = estimate;
+    let Estimate { name, value, std, unit, whole, .. } = estimate;
+    let (unit, scale) = displayed(unit);
+    let (value, std) = (scale * value, scale * std);
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-    let digits = if *std > 0.0 { (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 };
+    if *whole {
+        return format!("{name} {value:.0}{unit}");
+    }
+    let digits = if std > 0.0 { (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 };
     format!("{name} {value:.digits$} +- {std:.digits$}{unit}")
+}
+
+/// The smallest size of an effect that would have been named: `0.62 %`, `0.12 deg`, `factor 1.8`; `None` where none would have shown.
+#[must_use]
+pub fn size(least: &Detectable) -> Option<String> {
+    let mut shown = least.clone();
+    let (unit, scale) = displayed(&least.unit);
+    (shown.unit, shown.size) = (unit.to_owned(), least.size.map(|size| scale * size));
+    let words = shown.words()?;
+    // What is several times as large as what it is measured by, as creep may be, is no percentage.
+    Some(least.size.filter(|size| *size >= 1.0 && words.ends_with('%')).map_or(words, figure))
+}
+
+/// The unit that people are shown for one of SI, and what takes the one to the other.
+fn displayed(unit: &str) -> (&str, f64) {
+    match unit {
+        "rad" => ("deg", 180.0 / std::f64::consts::PI),
+        "m" => ("mm", 1e3),
+        other => (other, 1.0),
+    }
 }
 
 /// Verdict, causes with their ties, how far the gap closes, and what could have shown.
@@ -120,7 +195,7 @@ pub fn words(attribution: &Attribution) -> String {
         let effects = if attribution.effects.is_empty() { "" } else { ", with the effects" };
         let _ = writeln!(
             text,
-            "\nThe model with the file{effects}, and retuned: with the file's own numbers moved within their tolerances as well; each as found \
+            "\nThe model with the file{effects}, and retuned: with the file's own numbers moved against their tolerances as well; each as found \
              on other parts of the recordings (rms)"
         );
         let _ = writeln!(
@@ -159,7 +234,7 @@ fn could_have_shown(attribution: &Attribution) -> String {
     let mut of_effects: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for least in &attribution.minimum_detectable {
         let place = least.joint.as_deref().map_or_else(String::new, |joint| format!("{joint} "));
-        let size = least.words().unwrap_or_else(|| "at no size".to_owned());
+        let size = size(least).unwrap_or_else(|| "at no size".to_owned());
         of_effects.entry(least.id).or_default().push(format!("{place}{size}"));
     }
     of_effects.iter().for_each(|(id, sizes)| {
@@ -178,8 +253,9 @@ fn grows(gap: &Closure) -> bool {
 
 fn row(text: &mut String, gap: &Closure) {
     let Closure { channel, unit, noise_floor, before, retuned, .. } = gap;
-    let (after, closed) = if gap.held_out { (format!("{:.3}", gap.after), closed(gap)) } else { (String::new(), String::new()) };
-    let _ = writeln!(text, "{channel:<17} {unit:>4} {noise_floor:>12.3} {before:>8.3} {after:>8} {closed:>20} {:>8.3}", retuned.after);
+    let (after, closed) = if gap.held_out { (figure(gap.after), closed(gap)) } else { (String::new(), String::new()) };
+    let [noise_floor, before, retuned] = [*noise_floor, *before, retuned.after].map(figure);
+    let _ = writeln!(text, "{channel:<17} {unit:>4} {noise_floor:>12} {before:>8} {after:>8} {closed:>20} {retuned:>8}");
 }
 
 fn closed(gap: &Closure) -> String {
@@ -191,6 +267,114 @@ fn closed(gap: &Closure) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attribution::{Retuned, detectable};
+    use crate::evidence::coordinates::Coordinates;
+    use crate::evidence::fit::Fitter;
+    use crate::evidence::outcome::Outcome;
+    use crate::evidence::tests::{Seen, tips};
+
+    fn estimate(name: &'static str, value: f64, std: f64, unit: &str, whole: bool) -> Estimate {
+        Estimate { name, value, std, unit: unit.to_owned(), aside: false, whole }
+    }
+
+    /// A wrong offset that a tool's length is the same as, and how far it closes a gap.
+    fn offset(verdict: Word, closed: f64, retuned: f64) -> Attribution {
+        let insertion = || Some("insertion".to_owned());
+        let tie = Tied { id: "tool-length", joint: None, exact: true, gap_nats: 1.4, separate_by: "measure the tool" };
+        let blamed = Blamed {
+            id: "joint-offset",
+            joint: insertion(),
+            probability: 0.898,
+            evidence_nats: 23.1,
+            parameters: vec![estimate("offset", -0.00309, 0.00032, "m", false)],
+            ties: vec![tie],
+        };
+        let candidate = |id, joint, probability| Candidate { id, joint, probability, evidence_nats: 20.0 };
+        let gap = Closure {
+            channel: "insertion torque".to_owned(),
+            unit: "N m",
+            noise_floor: 0.000_412,
+            before: 0.002_34,
+            after: 0.001_98,
+            closed: Some(closed),
+            closed_ci95: None,
+            held_out: true,
+            retuned: Retuned { after: 0.001_01, closed: Some(retuned) },
+            shares: Vec::new(),
+        };
+        Attribution {
+            verdict,
+            effects: vec![blamed],
+            misfit_accounted: Some(0.999_98),
+            candidates: vec![candidate("joint-offset", insertion(), 0.72), candidate("tool-length", None, 0.178)],
+            not_observable: Vec::new(),
+            minimum_detectable: Vec::new(),
+            probability_too_small: 0.0,
+            probability_outside: 0.0,
+            file_numbers: Vec::new(),
+            gap: vec![gap],
+            remaining: Vec::new(),
+            remarks: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_probability_of_a_cause_is_said_with_what_is_the_same() {
+        let mut found = offset(Word::Explained, 0.9, 0.9);
+        assert!(sentence(&found).contains("probability 0.90 together with tool-length, which is the same)"), "{}", sentence(&found));
+        found.effects[0].probability = found.candidates[0].probability;
+        assert!(sentence(&found).contains("probability 0.72)"), "{}", sentence(&found));
+    }
+
+    #[test]
+    fn effects_that_the_gap_hardly_shows_are_said_to_be_so() {
+        let of = |closed, retuned| sentence(&offset(Word::Explained, closed, retuned));
+        let said = "What it accounts for is hardly seen in the rms gap, of which it closes less than a tenth in every channel; with the file's \
+                    numbers retuned as well the gap closes by 98 % at the insertion torque.";
+        assert!(of(0.01, 0.98).ends_with(said), "{}", of(0.01, 0.98));
+        assert!(of(-0.3, 0.02).contains("retuned as well the gap closes by no more."), "{}", of(-0.3, 0.02));
+        assert!(!of(0.11, 0.98).contains("hardly"));
+        let mut without_a_gap = offset(Word::PartlyExplained, 0.01, 0.98);
+        assert!(sentence(&without_a_gap).contains("hardly seen"));
+        without_a_gap.gap[0].closed = None;
+        assert!(!sentence(&without_a_gap).contains("hardly seen"));
+    }
+
+    #[test]
+    fn what_falls_short_of_all_is_not_rounded_to_it() {
+        let said = sentence(&offset(Word::PartlyExplained, 0.9, 0.9));
+        assert!(said.contains(", over 99.9 % of the misfit;"), "{said}");
+        assert_eq!([0.72, 0.9951, 0.9994].map(short_of_all), ["72 %", "99.5 %", "over 99.9 %"]);
+    }
+
+    #[test]
+    fn numbers_have_the_digits_and_units_that_say_something() {
+        let text = words(&offset(Word::Explained, 0.9, 0.9));
+        assert!(text.contains(" N m     0.000412  0.00234  0.00198                 90 %  0.00101\n"), "{text}");
+        assert!(text.contains("moved against their tolerances"));
+        assert_eq!(number(&estimate("offset", -0.00309, 0.00032, "m", false)), "offset -3.09 +- 0.32 mm");
+        assert_eq!(number(&estimate("angle", 0.01, 0.001, "rad", false)), "angle 0.573 +- 0.057 deg");
+        assert_eq!(number(&estimate("per_turn", 12.0, 0.0, "1", true)), "per_turn 12");
+    }
+
+    #[test]
+    fn sizes_are_in_the_units_of_gaps() {
+        let rows = Seen::new(&[("joint-offset", [0, 0])], |numbers: &[Option<&[f64]>], _| {
+            tips(|k| k.sin() * (0.9 - numbers[0].map_or(0.0, |u| u[0])))
+        });
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let none = fitter.fit(&[], &fitter.nowhere(), None).unwrap().unwrap();
+        let mut least = detectable::smallest(&fitter, &Outcome::begun(none, 1)).unwrap()[0].detectable(&fitter);
+        let mut said = |value: f64, unit: &str| {
+            (least.size, least.unit) = (Some(value), unit.to_owned());
+            size(&least).unwrap()
+        };
+        assert_eq!(said(0.01, "rad"), "0.573 deg");
+        assert_eq!(said(0.0018, "m"), "1.80 mm");
+        assert_eq!(said(0.0062, "1"), "0.620 %");
+        assert_eq!(said(6.35, "1"), "6.35");
+    }
 
     #[test]
     fn places_are_named_as_they_are_called() {

@@ -67,7 +67,7 @@ pub struct Score {
     pub sizes: Sizes,
     /// Gap closed over what is closed when the effects are told, over the recordings that hide effects of the library.
     pub gap_closed_of_oracle: Option<f64>,
-    /// The same with the file's own numbers moved within their tolerances as well.
+    /// The same with the file's own numbers moved against their tolerances as well.
     pub gap_closed_of_oracle_retuned: Option<f64>,
     /// Mean time per recording [s].
     pub seconds_mean: Option<f64>,

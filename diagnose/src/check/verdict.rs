@@ -71,7 +71,7 @@ pub struct ChannelGap {
     pub channel: String,
     /// Part of the squared gap above the noise floor that the effects take away; nothing where there is none to take.
     pub closed: Option<f64>,
-    /// The same where the file's own numbers are moved within their tolerances as well.
+    /// The same where the file's own numbers are moved against their tolerances as well.
     #[serde(default)]
     pub retuned: Retuned,
 }
