@@ -66,22 +66,41 @@ pub struct Args {
 #[derive(Debug, Serialize)]
 pub struct Report {
     format: &'static str,
-    #[serde(flatten)]
+    #[serde(flatten, serialize_with = "with_every_key")]
     attribution: Option<Attribution>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     no_diagnosis: Option<String>,
     #[serde(rename = "where")]
     places: Vec<Place>,
     where_in_words: Vec<String>,
     model_gap: Vec<Gap>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     against: Option<Against>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     motor_motion: Vec<MotorMotion>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     controller: Vec<ControllerDifference>,
     recordings: Vec<String>,
     unreachable: usize,
+}
+
+/// An [`Attribution`] where causes were not looked for: scripts find the same keys.
+#[derive(Serialize, Default)]
+struct NotLookedFor {
+    verdict: (),
+    effects: [(); 0],
+    misfit_accounted: (),
+    candidates: [(); 0],
+    not_observable: [(); 0],
+    minimum_detectable: [(); 0],
+    probability_too_small: (),
+    probability_outside: (),
+    file_numbers: [(); 0],
+    gap: [(); 0],
+    remarks: [(); 0],
+}
+
+fn with_every_key<S: serde::Serializer>(attribution: &Option<Attribution>, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    match attribution {
+        Some(attribution) => attribution.serialize(serializer),
+        None => NotLookedFor::default().serialize(serializer),
+    }
 }
 
 /// How far the controller's logged joint angles are from transmission kinematics by the numbers it then had.
@@ -304,4 +323,37 @@ fn together(recordings: &[&Residuals]) -> Residuals {
         all.extend(residuals);
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::attribution::Word;
+
+    #[test]
+    fn a_report_without_a_diagnosis_has_the_keys_of_one_with() {
+        let mut report = Report::new(&raven::robot::nominal::gold(), &[], &[]);
+        let without = json!(report);
+        report.attribution = Some(Attribution {
+            verdict: Word::Explained,
+            effects: Vec::new(),
+            misfit_accounted: None,
+            candidates: Vec::new(),
+            not_observable: Vec::new(),
+            minimum_detectable: Vec::new(),
+            probability_too_small: 0.0,
+            probability_outside: 0.0,
+            file_numbers: Vec::new(),
+            gap: Vec::new(),
+            remaining: Vec::new(),
+            remarks: Vec::new(),
+        });
+        let with = json!(report);
+        let keys = |report: &Value| report.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+        assert_eq!(keys(&without), keys(&with));
+        assert_eq!((&without["verdict"], &without["effects"], &without["motor_motion"]), (&Value::Null, &json!([]), &json!([])));
+        assert_eq!(with["verdict"], "explained");
+    }
 }

@@ -44,8 +44,7 @@ pub struct Attribution {
     pub verdict: Word,
     /// Causes, the surest first.
     pub effects: Vec<Blamed>,
-    /// Part of the misfit that they account for.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Part of the misfit that they account for; nothing without effects.
     pub misfit_accounted: Option<f64>,
     /// Every effect looked at, and none: the most probable first.
     pub candidates: Vec<Candidate>,
@@ -65,7 +64,6 @@ pub struct Attribution {
     #[serde(skip)]
     pub remaining: Vec<Remaining>,
     /// What else there is to say.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
 }
 
