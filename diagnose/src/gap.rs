@@ -1,5 +1,6 @@
 //! How large the gap is.
 
+use raven::plot::svg::figure;
 use raven::stats::rms;
 use serde::Serialize;
 
@@ -70,6 +71,10 @@ pub fn motor_motion(channels: &[Channel]) -> Vec<MotorMotion> {
     channels.iter().filter_map(of).collect()
 }
 
+/// What a long horizon of [`MotorMotion`] is worth.
+pub const LONG_HORIZONS: &str = "Over a long horizon that is the error of the torque integrated twice, open loop: it says how far a simulation \
+                                 goes astray, and little of the cause.";
+
 /// Motor motion as a terminal shows it: a line per joint, a column per horizon.
 #[must_use]
 pub fn motor_words(all: &[MotorMotion]) -> String {
@@ -79,8 +84,12 @@ pub fn motor_words(all: &[MotorMotion]) -> String {
             text += "\nMotors driven by the recorded torque through the model (rms from where they were recorded, at the joint)\n";
         }
         let [first, ..] = of_joint else { continue };
-        let columns: Vec<String> = of_joint.iter().map(|m| format!("{:.3} after {} s", m.rms, m.horizon_s)).collect();
+        let columns: Vec<String> = of_joint.iter().map(|m| format!("{} after {} s", figure(m.rms), m.horizon_s)).collect();
         text += &format!("{:<10} {:>4}  {}\n", first.joint, first.unit, columns.join(", "));
+    }
+    if !text.is_empty() {
+        text += LONG_HORIZONS;
+        text += "\n";
     }
     text
 }
@@ -90,6 +99,14 @@ mod tests {
     use approx::assert_relative_eq;
 
     use super::*;
+
+    #[test]
+    fn motors_that_go_astray_over_a_long_horizon_say_little_of_the_cause() {
+        let after = |horizon_s, rms| MotorMotion { joint: "elbow".to_owned(), unit: "deg", horizon_s, rms, observations: 9 };
+        let text = motor_words(&[after(0.05, 0.001_234), after(5.0, 44.8561)]);
+        assert!(text.contains("elbow       deg  0.00123 after 0.05 s, 44.9 after 5 s\n") && text.contains("integrated twice"), "{text}");
+        assert!(motor_words(&[]).is_empty());
+    }
 
     #[test]
     fn a_gap_is_the_rms_in_the_unit_of_reports() {

@@ -194,6 +194,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     if let Some(html) = &args.html {
         let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
+        page.motors.clone_from(&report.motor_motion);
         page.remarks.extend(report.no_diagnosis.clone());
         if let Some(attribution) = &report.attribution {
             report::add_causes(&mut page, attribution);

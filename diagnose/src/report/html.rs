@@ -1,15 +1,20 @@
 //! The page as HTML.
 
 use raven::plot::page::document;
-use raven::plot::svg::escape;
+use raven::plot::svg::{escape, figure};
 
 use super::{Candidate, Page, bars, traces};
 use crate::attribution::NONE;
+use crate::gap::{LONG_HORIZONS, MotorMotion};
 
 /// Candidates listed.
 const CANDIDATES: usize = 10;
 /// The place of what belongs to no joint.
 const WHOLE: &str = "whole set-up";
+
+/// What the table of motors has.
+const MOTORS_ARE: &str =
+    "How far motors that the recorded torque drives through the model come from where they were recorded (rms, at the joint).";
 
 const STYLE: &str = include_str!("style.css");
 
@@ -22,6 +27,7 @@ pub fn html(page: &Page) -> String {
         section("The gap", &legend(has_after, "noise floor"), page.gaps.is_empty(), || figure_of(&bars::gaps(&page.gaps))),
         section("What causes it", "", page.candidates.is_empty(), || candidates(&page.candidates)),
         section("Where it lies", "", page.places.is_empty(), || list("ul", &page.places)),
+        section("Motors driven by their torque", "", page.motors.is_empty(), || motors(&page.motors)),
         section("Residuals by phase", &legend(has_after, "noise floor"), page.phases.is_empty(), || phases(page)),
         section("Residuals over time", &legend(has_after, "two deviations of the noise"), page.traces.is_empty(), || {
             page.traces.iter().enumerate().map(|(k, trace)| figure_of(&traces::trace(k, trace))).collect()
@@ -102,6 +108,24 @@ fn candidates(candidates: &[Candidate]) -> String {
     )
 }
 
+/// A line per joint, a column per horizon.
+fn motors(all: &[MotorMotion]) -> String {
+    let of_joints: Vec<&[MotorMotion]> = all.chunk_by(|a, b| a.joint == b.joint).collect();
+    let heads =
+        |first: &&[MotorMotion]| first.iter().map(|m| format!("<th scope=\"col\" class=\"n\">after {} s</th>", m.horizon_s)).collect();
+    // A short recording has no long horizons.
+    let heads: String = of_joints.iter().max_by_key(|of_joint| of_joint.len()).map_or_else(String::new, heads);
+    let row = |of_joint: &[MotorMotion]| {
+        let numbers: String = of_joint.iter().map(|m| format!("<td class=\"n\">{}</td>", figure(m.rms))).collect();
+        of_joint.first().map(|m| format!("<tr><td>{}</td><td>{}</td>{numbers}</tr>\n", escape(&m.joint), escape(m.unit)))
+    };
+    let rows: String = of_joints.into_iter().filter_map(row).collect();
+    format!(
+        "<table class=\"narrow\">\n<thead><tr><th scope=\"col\">joint</th><th scope=\"col\">unit</th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody>\n\
+         </table>\n<p class=\"small\">{MOTORS_ARE} {LONG_HORIZONS}</p>"
+    )
+}
+
 fn sensitivity(page: &Page) -> String {
     let mut content = String::new();
     if !page.detectable.is_empty() {
@@ -139,6 +163,9 @@ mod tests {
             "class=\"chosen\"",
             "shows from",
             "sign was turned",
+            "after 0.2 s</th>",
+            "<td>shoulder</td><td>deg</td><td class=\"n\">0.00412</td>",
+            "torque integrated twice",
         ] {
             assert!(page.contains(part), "{part}");
         }
@@ -180,6 +207,7 @@ mod tests {
             (phases.channel, phases.unit) = (bad.clone(), bad.clone());
             phases.phases.iter_mut().for_each(|p| p.phase.clone_from(&bad));
         }
+        page.motors.iter_mut().for_each(|m| m.joint.clone_from(&bad));
         page.remarks = vec![bad.clone()];
         for d in &mut page.detectable {
             (d.effect, d.joint, d.size) = (bad.clone(), Some(bad.clone()), bad.clone());

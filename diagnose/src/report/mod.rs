@@ -13,6 +13,8 @@ pub use causes::add_causes;
 pub use gap::gap_page;
 pub use html::html;
 
+use crate::gap::MotorMotion;
+
 /// What the page says. Empty parts are left out.
 #[derive(Debug, Clone, Default)]
 pub struct Page {
@@ -32,6 +34,8 @@ pub struct Page {
     pub candidates: Vec<Candidate>,
     /// Where the gap lies, in sentences.
     pub places: Vec<String>,
+    /// How far motors come that the recorded torque drives through the model, joint by joint.
+    pub motors: Vec<MotorMotion>,
     /// Residuals over time, channel by channel.
     pub traces: Vec<Trace>,
     /// Residuals by phase, channel by channel.
@@ -63,7 +67,7 @@ pub struct GapBar {
     pub after: Option<f64>,
     /// Share of the gap above the noise floor that was closed, with its 95 % interval.
     pub closed: Option<(f64, [f64; 2])>,
-    /// RMS with the file's own numbers moved within their tolerances as well.
+    /// RMS with the file's own numbers moved against their tolerances as well.
     pub retuned: Option<f64>,
 }
 

@@ -1,5 +1,7 @@
 //! A page with made-up numbers for the tests.
 
+use crate::gap::MotorMotion;
+
 use super::{Candidate, Detectable, GapBar, Page, PhaseBar, PhaseBars, Trace};
 
 /// A page with every part on it.
@@ -13,7 +15,7 @@ pub fn sample() -> Page {
         closed: Some(closed),
         retuned: Some(noise_floor),
     };
-    let candidate = |effect: &str, joint: Option<&str>, probability, evidence_nats, chosen| Candidate {
+    let candidate = |effect: &str, joint: Option<&str>, probability, evidence_nats, chosen: bool| Candidate {
         effect: effect.to_owned(),
         joint: joint.map(str::to_owned),
         probability,
@@ -71,6 +73,9 @@ pub fn sample() -> Page {
             candidate("cable-coupling", Some("shoulder->elbow"), 0.00001, 640.2, false),
         ],
         places: vec!["68 % of the elbow's excess error sits within 150 ms of reversals, which are 9 % of the time (p < 0.001).".to_owned()],
+        motors: [(0.05, 0.00412), (0.2, 0.049), (1.0, 0.794), (5.0, 44.9)]
+            .map(|(horizon_s, rms)| MotorMotion { joint: "shoulder".to_owned(), unit: "deg", horizon_s, rms, observations: 400 })
+            .to_vec(),
         traces: vec![trace("shoulder", "deg", 2.0), trace("elbow", "deg", 0.7), trace("insertion", "mm", 1.1)],
         phases: vec![phases("shoulder", "deg", 1.0), phases("elbow", "deg", 0.5), phases("insertion", "mm", 1.4)],
         ties: vec![
