@@ -197,7 +197,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         page.motors.clone_from(&report.motor_motion);
         page.remarks.extend(report.no_diagnosis.clone());
         if let Some(attribution) = &report.attribution {
-            report::add_causes(&mut page, attribution);
+            let json = args.json.as_deref().filter(|json| json.as_os_str() != cli::STANDARD_OUTPUT);
+            let files = report::Files { robot: &args.robot, cameras: args.cameras.as_deref(), json };
+            report::add_causes(&mut page, attribution, &robot, files);
         }
         files::write_atomic(html, report::html(&page).as_bytes())?;
     }

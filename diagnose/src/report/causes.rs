@@ -1,13 +1,30 @@
 //! The page with what the recordings say of causes.
 
+use std::borrow::Cow;
+use std::path::Path;
+
+use raven::effects::{Effect, Home, at_place};
+use raven::robot::Robot;
+
 use super::{Candidate, Detectable, GapBar, Page, remaining};
-use crate::attribution::{Attribution, FileNumber, Remaining, at, off, sentence, tied};
+use crate::attribution::{Attribution, Blamed, FileNumber, Remaining, at, off, sentence, size, tied, together};
+
+/// Files of a diagnosis, as they were typed.
+#[derive(Debug, Clone, Copy)]
+pub struct Files<'a> {
+    /// The robot file.
+    pub robot: &'a Path,
+    /// The camera file.
+    pub cameras: Option<&'a Path>,
+    /// Where the report went as JSON; `None` where it went into no file.
+    pub json: Option<&'a Path>,
+}
 
 /// A torque is drawn where the effects close at least this part of its gap: it is there in any case, and mostly tells nothing.
 const TORQUE_CLOSED: f64 = 0.05;
 
-/// Adds verdict, candidates, closure, ties and sizes to the page of a gap.
-pub fn add_causes(page: &mut Page, attribution: &Attribution) {
+/// Adds verdict, candidates, closure, ties and sizes to the page of a robot's gap.
+pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, files: Files) {
     page.verdict = attribution.verdict.name().to_owned();
     page.verdict_sentence = sentence(attribution);
     page.remarks.extend(attribution.remarks.iter().cloned());
@@ -24,8 +41,8 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
     let shown = |candidate: &crate::attribution::Candidate| Candidate {
         effect: candidate.id.to_owned(),
         joint: candidate.joint.clone(),
-        // Of one that is named, together with what no recording can tell from it.
-        probability: blamed(candidate).map_or(candidate.probability, |effect| effect.probability),
+        probability: candidate.probability,
+        together: blamed(candidate).and_then(|effect| together(effect, attribution)),
         evidence_nats: candidate.evidence_nats,
         parameters: blamed(candidate).map_or_else(Vec::new, |effect| effect.numbers()),
         chosen: blamed(candidate).is_some(),
@@ -37,20 +54,55 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution) {
             page.ties.push(format!("Beside {this}: {}.", tied(tie)));
             page.next_steps.push(format!("To tell {this} from {other}: {}.", tie.separate_by));
         }
-        page.next_steps.push(format!(
-            "Put {} into the robot file with `raven-identify --add-effect {}` and look again.",
-            at(effect.id, effect.joint.as_deref()),
-            raven::effects::at_place(effect.id, effect.joint.as_deref())
-        ));
     }
+    page.next_steps.extend(put_in(&attribution.effects, robot, files));
     let file_number = |of: &FileNumber| format!("{}, {:.1} of its tolerances off.", off(of), of.tolerances.abs());
     page.file_numbers = attribution.file_numbers.iter().map(file_number).collect();
     let detectable = attribution
         .minimum_detectable
         .iter()
-        .filter_map(|least| Some(Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: least.words()? }));
+        .filter_map(|least| Some(Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: size(least)? }));
     page.detectable = detectable.collect();
     page.not_observable = attribution.not_observable.iter().map(|none| (none.id.to_owned(), none.because.clone())).collect();
+}
+
+/// How what is named gets into the files: into the robot file by one command, into the camera file by a calibration.
+fn put_in(effects: &[Blamed], robot: &Robot, files: Files) -> Vec<String> {
+    // Effects are written into files of arms only.
+    if robot.arm().is_err() {
+        return Vec::new();
+    }
+    let of_cameras = |effect: &&Blamed| Effect::named(effect.id).is_ok_and(|effect| effect.home() == Home::Cameras);
+    let (cameras, robots): (Vec<&Blamed>, Vec<&Blamed>) = effects.iter().partition(of_cameras);
+    let name = |effect: &&Blamed| at(effect.id, effect.joint.as_deref());
+    let calibrated = cameras.iter().map(|effect| {
+        format!("{} belongs to the cameras: calibrate them anew with `raven-calibrate cameras`, then register them.", name(effect))
+    });
+    let mut steps: Vec<String> = calibrated.collect();
+    if !robots.is_empty() {
+        let names: Vec<String> = robots.iter().map(name).collect();
+        let (report, told) =
+            files.json.map_or((Path::new("report.json"), " (the report that `--json report.json` writes)"), |json| (json, ""));
+        // Another name than the robot file's, which is read.
+        let new = format!("{}-new.yaml", files.robot.file_stem().unwrap_or_default().to_string_lossy());
+        let mut command = "raven-identify".to_owned();
+        for effect in robots {
+            command += &format!(" --add-effect {}", quoted(&at_place(effect.id, effect.joint.as_deref())));
+        }
+        let option = |name: &str, file: &Path| format!(" {name} {}", quoted(&file.to_string_lossy()));
+        command += &option("--diagnosis", report);
+        command += &option("--robot", files.robot);
+        command += &files.cameras.map_or_else(String::new, |cameras| option("--cameras", cameras));
+        command += &option("-o", Path::new(&new));
+        steps.push(format!("Put {} into the robot file with `{command}`{told}, and look again with `--robot {new}`.", names.join(" and ")));
+    }
+    steps
+}
+
+/// A word as a shell takes it: `'shoulder->elbow'`.
+fn quoted(word: &str) -> Cow<'_, str> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word.into() } else { format!("'{}'", word.replace('\'', "'\\''")).into() }
 }
 
 /// Whether the effects close part of a channel's gap, beyond chance.
@@ -68,5 +120,36 @@ fn bar(gap: &crate::attribution::Closure) -> GapBar {
         after: gap.held_out.then_some(gap.after),
         closed: gap.closed.zip(gap.closed_ci95),
         retuned: Some(gap.retuned.after),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use raven::robot::nominal;
+
+    use super::*;
+
+    fn blamed(id: &'static str, joint: Option<&str>) -> Blamed {
+        let joint = joint.map(str::to_owned);
+        Blamed { id, joint, probability: 0.9, evidence_nats: 40.0, parameters: Vec::new(), ties: Vec::new() }
+    }
+
+    #[test]
+    fn what_is_named_is_put_where_it_belongs_by_commands_that_are_complete() {
+        let files =
+            Files { robot: Path::new("my robots/gold.yaml"), cameras: Some(Path::new("cameras.yaml")), json: Some(Path::new("p.json")) };
+        let named = [blamed("stereo-scale", None), blamed("cable-coupling", Some("shoulder->elbow")), blamed("creep", Some("elbow"))];
+        let steps = put_in(&named, &nominal::gold(), files);
+        let [cameras, robot] = steps.as_slice() else { panic!("{steps:?}") };
+        assert!(cameras.starts_with("stereo-scale belongs to the cameras: ") && !cameras.contains("--add-effect"), "{cameras}");
+        let command = "`raven-identify --add-effect 'cable-coupling:shoulder->elbow' --add-effect creep:elbow --diagnosis p.json \
+                       --robot 'my robots/gold.yaml' --cameras cameras.yaml -o gold-new.yaml`";
+        assert!(robot.contains(command), "{robot}");
+        let unwritten = put_in(&named[1..2], &nominal::gold(), Files { json: None, ..files });
+        assert!(
+            unwritten[0].contains("--diagnosis report.json") && unwritten[0].contains("that `--json report.json` writes"),
+            "{unwritten:?}"
+        );
+        assert_eq!(quoted("it's"), "'it'\\''s'");
     }
 }

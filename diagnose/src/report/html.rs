@@ -96,7 +96,7 @@ fn candidates(candidates: &[Candidate]) -> String {
             escape(&c.effect),
             escape(c.joint.as_deref().unwrap_or(if c.effect == NONE { "" } else { WHOLE })),
             c.evidence_nats,
-            escape(&c.parameters.join(", "))
+            escape(&c.parameters.iter().chain(&c.together).map(String::as_str).collect::<Vec<_>>().join(", "))
         )
     };
     let rows: String = candidates.iter().take(CANDIDATES).map(row).collect();
@@ -163,6 +163,7 @@ mod tests {
             "class=\"chosen\"",
             "shows from",
             "sign was turned",
+            "0.996 together with capstan-radius",
             "after 0.2 s</th>",
             "<td>shoulder</td><td>deg</td><td class=\"n\">0.00412</td>",
             "torque integrated twice",
@@ -207,6 +208,7 @@ mod tests {
             (phases.channel, phases.unit) = (bad.clone(), bad.clone());
             phases.phases.iter_mut().for_each(|p| p.phase.clone_from(&bad));
         }
+        page.candidates.iter_mut().for_each(|candidate| candidate.together = Some(bad.clone()));
         page.motors.iter_mut().for_each(|m| m.joint.clone_from(&bad));
         page.remarks = vec![bad.clone()];
         for d in &mut page.detectable {

@@ -9,7 +9,7 @@ mod remaining;
 mod sample;
 mod traces;
 
-pub use causes::add_causes;
+pub use causes::{Files, add_causes};
 pub use gap::gap_page;
 pub use html::html;
 
@@ -78,8 +78,10 @@ pub struct Candidate {
     pub effect: String,
     /// Joint; `None` for the whole robot or rig.
     pub joint: Option<String>,
-    /// From 0 to 1.
+    /// From 0 to 1, of this effect and no other.
     pub probability: f64,
+    /// What no recording can tell from it, and how probable it is with that, in words.
+    pub together: Option<String>,
     /// Logarithm of the odds over no effect [nat].
     pub evidence_nats: f64,
     /// Its numbers in words: `relative_error -5.18 +- 0.04 %`.

@@ -19,6 +19,7 @@ pub fn sample() -> Page {
         effect: effect.to_owned(),
         joint: joint.map(str::to_owned),
         probability,
+        together: chosen.then(|| "0.996 together with capstan-radius, which is the same".to_owned()),
         evidence_nats,
         parameters: if chosen { vec!["relative_error -5.18 +- 0.04 %".to_owned()] } else { Vec::new() },
         chosen,
