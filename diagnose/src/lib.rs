@@ -77,6 +77,8 @@ pub struct Report {
     motor_motion: Vec<MotorMotion>,
     controller: Vec<ControllerDifference>,
     recordings: Vec<String>,
+    /// What of the recordings could not be used, in sentences.
+    lost: Vec<String>,
     unreachable: usize,
 }
 
@@ -162,6 +164,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     recordings.iter().for_each(|recording| Cameras::warn_if_latency_counts_twice(&robot, recording));
     let mut report = Report::new(&robot, &args.logs, &residuals);
+    report.lost = recordings.iter().filter_map(Recording::unusable).collect();
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
     let mut lenses = cameras.as_ref();
     let mut simulations = Vec::new();
@@ -195,7 +198,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(html) = &args.html {
         let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
         page.motors.clone_from(&report.motor_motion);
-        page.remarks.extend(report.no_diagnosis.clone());
+        page.remarks.extend(report.lost.iter().chain(&report.no_diagnosis).cloned());
         if let Some(attribution) = &report.attribution {
             let json = args.json.as_deref().filter(|json| json.as_os_str() != cli::STANDARD_OUTPUT);
             let files = report::Files { robot: &args.robot, cameras: args.cameras.as_deref(), json };
@@ -203,6 +206,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         }
         files::write_atomic(html, report::html(&page).as_bytes())?;
     }
+    report.lost.iter().for_each(|sentence| cli::warn(sentence));
     Ok(Outcome::Done)
 }
 
@@ -234,6 +238,7 @@ impl Report {
             motor_motion: Vec::new(),
             controller: Vec::new(),
             recordings: logs.iter().map(|path| path.display().to_string()).collect(),
+            lost: Vec::new(),
             unreachable: recordings.iter().map(|r| r.unreachable).sum(),
         };
         for (j, joint) in robot.joints.iter().enumerate() {
@@ -250,7 +255,11 @@ impl Report {
 impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.model_gap.is_empty() {
-            writeln!(out, "No tip and no joint encoders in these recordings: the gap at the joints cannot be seen.")?;
+            writeln!(
+                out,
+                "Nothing in these recordings shows where joints were while their motors were recorded (an arm's tip, a bench's joint encoders): \
+                 the gap at the joints cannot be seen."
+            )?;
         } else {
             writeln!(out, "Gap (rms): the recordings against transmission kinematics, and against the model with its cables and links")?;
             writeln!(
@@ -330,6 +339,8 @@ fn together(recordings: &[&Residuals]) -> Residuals {
 
 #[cfg(test)]
 mod tests {
+    use raven::log::{LogWriter, Stamp};
+    use raven::robot::SourceFormat;
     use serde_json::{Value, json};
 
     use super::*;
@@ -358,5 +369,28 @@ mod tests {
         assert_eq!(keys(&without), keys(&with));
         assert_eq!((&without["verdict"], &without["effects"], &without["motor_motion"]), (&Value::Null, &json!([]), &json!([])));
         assert_eq!(with["verdict"], "explained");
+    }
+
+    #[test]
+    fn what_could_not_be_used_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name).display().to_string();
+        let mut robot = raven::robot::nominal::gold();
+        (robot.source.format, robot.source.topic) = (SourceFormat::JointState, "/motors".to_owned());
+        robot.write(file("robot.yaml").as_ref()).unwrap();
+        let names: Vec<String> = robot.joints.iter().map(|joint| joint.name.clone()).collect();
+        let mut log = LogWriter::create(file("log.mcap").as_ref()).unwrap();
+        for (ms, angle) in [(0, 0.1), (1, f64::NAN), (2, 0.1)] {
+            log.joint_states("/motors", Stamp(1_000_000_000 + 1_000_000 * ms), &names, &[angle; 3], Some(&[0.0; 3])).unwrap();
+        }
+        log.finish().unwrap();
+        let words = ["log.mcap", "--robot", "robot.yaml", "--gap-only", "--json", "report.json", "--html", "report.html"];
+        let words = words.map(|word| if word.contains('.') { file(word) } else { word.to_owned() });
+        let args = <Args as clap::Parser>::parse_from(std::iter::once("raven-diagnose".to_owned()).chain(words));
+        run(args, &mut Vec::new()).unwrap();
+        let read = |name: &str| std::fs::read_to_string(file(name)).unwrap();
+        let lost = "log.mcap: 1 messages without finite numbers were left out.";
+        assert_eq!(serde_json::from_str::<Value>(&read("report.json")).unwrap()["lost"], json!([lost]));
+        assert!(read("report.html").contains(lost));
     }
 }
