@@ -196,9 +196,6 @@ pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&s
         // A pipe or a device, as /dev/tty, may be any of them, and standard output is no file.
         let is_file = |output: &&Path| output.as_os_str() != STANDARD_OUTPUT && !is_special(output);
         let Some(output) = output.filter(is_file) else { continue };
-        if output.is_dir() {
-            return Err(Error::Argument(format!("{option} {}: this is a folder; name a file to write.", output.display())));
-        }
         let place = place(output);
         if let Some((_, other)) = taken.iter().find(|(known, _)| *known == place) {
             return Err(Error::Argument(format!(
@@ -211,6 +208,9 @@ pub fn apart<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>, outputs: &[(&s
                 "{option} {}: this very file is read, and nothing that is read is written over; give {option} another name.",
                 output.display()
             )));
+        }
+        if output.is_dir() {
+            return Err(Error::Argument(format!("{option} {}: this is a folder; name a file to write.", output.display())));
         }
         require_folder(folder_of(&replaced(output)))
             .map_err(|sentence| Error::Argument(format!("{option} {}: {sentence}", output.display())))?;

@@ -207,8 +207,8 @@ pub fn words(attribution: &Attribution) -> String {
         if let Some(worse) = attribution.gap.iter().find(|gap| grows(gap)) {
             let _ = writeln!(
                 text,
-                "At the {}, numbers of the file make up for what is named: with it alone the gap grows. Fit them together \
-                 (`raven-identify --add-effect`).",
+                "At the {}, numbers of the file make up for what is named: with it alone the gap grows. Put right what is named, and then \
+                 identify the file's numbers beside it (`raven-identify`).",
                 worse.channel
             );
         }
