@@ -174,21 +174,14 @@ impl Robot {
             return Ok(());
         }
         let mut robot = self.clone();
-        for Provenance { key, value, std, prior, prior_std, .. } in &self.calibration {
+        for Provenance { key, value, prior, .. } in &self.calibration {
             if robot.value_mut(key).is_none() {
                 return Err(format!(
                     "calibration has {key}, a number that the file does not have; correct the key, or take the entry out."
                 ));
             }
-            for (field, number, least) in
-                [("value", *value, f64::MIN), ("std", *std, 0.0), ("prior", *prior, f64::MIN), ("prior_std", *prior_std, 0.0)]
-            {
-                if !(least..=f64::MAX).contains(&number) {
-                    return Err(format!(
-                        "calibration of {key}: {field} is {number}, expected a number{}.",
-                        if least == 0.0 { " from 0 on" } else { "" }
-                    ));
-                }
+            if let Some((field, number)) = [("value", value), ("prior", prior)].iter().find(|(_, number)| !number.is_finite()) {
+                return Err(format!("calibration of {key}: {field} is {number}, expected a number; restore what was there before."));
             }
         }
         self.before_calibration().check().map_err(|sentence| format!("as it was before its calibration, by prior: {sentence}"))
