@@ -1,6 +1,6 @@
 //! Numbers of the robot file by name: what [`Provenance`](super::Provenance) calls them, and how a change of them is undone.
 
-use super::{JointType, KinematicsKind, Observation, Provenance, Robot};
+use super::{JointType, KinematicsKind, Observation, Robot};
 use crate::Result;
 
 /// Numbers of a joint, with their units on a revolute and on a prismatic joint.
@@ -166,25 +166,6 @@ impl Robot {
         robot.observation = Observation::default();
         robot.effects.clear();
         robot
-    }
-
-    /// Holds `calibration` against the numbers it is about: each is there, and was one that hardware can have before.
-    pub(super) fn check_calibration(&self) -> Result<(), String> {
-        if self.calibration.is_empty() {
-            return Ok(());
-        }
-        let mut robot = self.clone();
-        for Provenance { key, value, prior, .. } in &self.calibration {
-            if robot.value_mut(key).is_none() {
-                return Err(format!(
-                    "calibration has {key}, a number that the file does not have; correct the key, or take the entry out."
-                ));
-            }
-            if let Some((field, number)) = [("value", value), ("prior", prior)].iter().find(|(_, number)| !number.is_finite()) {
-                return Err(format!("calibration of {key}: {field} is {number}, expected a number; restore what was there before."));
-            }
-        }
-        self.before_calibration().check().map_err(|sentence| format!("as it was before its calibration, by prior: {sentence}"))
     }
 
     /// Keeps the motor angles at which the encoders were set by the file `before`, wherever this file's numbers would make others of the

@@ -1,6 +1,7 @@
 //! The robot as its parameter file describes it: kinematics, transmission, cables, links, and how well each number is known.
 
 mod cable;
+mod check;
 mod dynamics;
 mod file;
 mod grip;
