@@ -96,8 +96,10 @@ pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hy
     let count = named.effects.len();
     let mut squares = vec![Squares { of_subset: vec![Vec::new(); 1 << count], ..Squares::default() }; measured.len()];
     let mut pairs: Vec<(Sample, f64)> = Vec::new();
-    let predicted: Result<Vec<Predicted>> = (0..2).into_par_iter().map(|fold| predicted(rows, coordinates, named, fold)).collect();
-    for (fold, Predicted { of_subset, retuned }) in predicted?.into_iter().enumerate() {
+    let predicted: Result<Vec<Option<Predicted>>> = (0..2).into_par_iter().map(|fold| predicted(rows, coordinates, named, fold)).collect();
+    for (fold, predicted) in predicted?.into_iter().enumerate() {
+        // Blocks that nothing was fitted for elsewhere are left out: with numbers that they are part of they would look better than they are.
+        let Some(Predicted { of_subset, retuned }) = predicted else { continue };
         // All have to count the same samples.
         let counts = |k: &usize| of_subset.iter().chain([&retuned]).all(|samples| samples[*k].error.is_finite());
         let here = |k: &usize| block(of_subset[0][*k].time_s) % 2 == fold;
@@ -134,8 +136,12 @@ struct Predicted {
     retuned: Vec<Sample>,
 }
 
-fn predicted(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Predicted> {
-    let u = fitted_elsewhere(rows, coordinates, named, fold)?;
+/// `None` where the other half of the blocks cannot be fitted.
+fn predicted(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Option<Predicted>> {
+    let others = rows.only(&|time_s| block(time_s) % 2 != fold);
+    let Some(Hypothesis { u, .. }) = Fitter::new(others.as_ref(), coordinates).fit(&named.effects, &named.u, None)? else {
+        return Ok(None);
+    };
     let effects: Vec<Setting> = named.effects.iter().map(|&effect| setting(coordinates, effect, &u)).collect();
     let with = |subset: usize| {
         let settings: Vec<Setting> =
@@ -143,14 +149,7 @@ fn predicted(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, 
         rows.samples(&settings)
     };
     let of_subset: Vec<Vec<Sample>> = (0..1 << effects.len()).into_par_iter().map(with).collect::<Result<_>>()?;
-    Ok(Predicted { of_subset, retuned: rows.samples(&coordinates.settings(&u))? })
-}
-
-/// All coordinates as the other half of the blocks gives them.
-fn fitted_elsewhere(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, fold: usize) -> Result<Vec<f64>> {
-    let others = rows.only(&|time_s| block(time_s) % 2 != fold);
-    let fitted = Fitter::new(others.as_ref(), coordinates).fit(&named.effects, &named.u, None)?;
-    Ok(fitted.map_or_else(|| named.u.clone(), |hypothesis| hypothesis.u))
+    Ok(Some(Predicted { of_subset, retuned: rows.samples(&coordinates.settings(&u))? }))
 }
 
 fn setting(coordinates: &Coordinates, effect: usize, u: &[f64]) -> Setting {
