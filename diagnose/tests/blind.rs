@@ -11,7 +11,7 @@ fn case(name: &str, seed: u64, effects: &[&str]) -> Case {
         effects: effects.iter().map(|text| text.parse().unwrap()).collect(),
         outside: None,
         motion: if seed.is_multiple_of(2) { Motion::Rich } else { Motion::Fls(0) },
-        duration_s: 40.0,
+        duration_s: 30.0,
         rate_hz: 15.0,
         noise_px: 0.2,
         seed,
