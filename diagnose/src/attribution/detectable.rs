@@ -41,7 +41,7 @@ pub struct Detectable {
     pub id: &'static str,
     /// As of a cause.
     pub joint: Option<String>,
-    /// Of its first number; of a factor, the one above 1; of a number that does less the larger it is, as a limit, the largest. `null` where
+    /// Of its first number; of a factor, the one above 1, or below where that is the rule; of a number that does less the larger it is, as a limit, the largest. `null` where
     /// none that is to be expected would have shown.
     pub size: Option<f64>,
     /// Unit of `size`.
@@ -57,7 +57,7 @@ impl Detectable {
     pub fn words(&self) -> Option<String> {
         let size = self.size?;
         Some(match self.scale {
-            Scale::Factor(_) | Scale::FactorUpTo { .. } => format!("factor {}", figure(size)),
+            scale if scale.is_factor() => format!("factor {}", figure(size)),
             Scale::Shape { .. } => format!("up to {} {}", figure(size), self.unit),
             _ if self.unit == "1" => format!("{} %", figure(100.0 * size)),
             _ => format!("{} {}", figure(size), self.unit),
@@ -95,7 +95,10 @@ impl Smallest {
         Detectable {
             id: sited.effect.id,
             joint: sited.joint(fitter.rows.robot()),
-            size: self.u.is_finite().then(|| parameter.value(self.u, sited.measure)),
+            size: self.u.is_finite().then(|| {
+                let side = if matches!(parameter.scale, Scale::FactorBelow(_)) { -1.0 } else { 1.0 };
+                parameter.value(side * self.u, sited.measure)
+            }),
             unit: parameter.unit_at(sited.measure).to_owned(),
             scale: parameter.scale,
         }

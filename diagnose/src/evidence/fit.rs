@@ -255,12 +255,13 @@ impl Fitter<'_> {
             Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(least, largest),
             Scale::State { .. } => (u + step).clamp(least, largest),
             Scale::Offset(_) => u + step,
-            Scale::Factor(_) | Scale::FactorUpTo { .. } => (u + step.clamp(-STEP_MAX, STEP_MAX)).min(largest),
+            Scale::Factor(_) | Scale::FactorBelow(_) | Scale::FactorUpTo { .. } => (u + step.clamp(-STEP_MAX, STEP_MAX)).min(largest),
         }
     }
 
     /// What priors that are not normal add to the evidence [nat], at `u` with posterior deviations `std`: those of sizes ([`sizes`]), of which
-    /// a magnitude's are above zero, where part of the posterior is cut away, and of one among whole numbers or moments.
+    /// a magnitude's are above zero, where part of the posterior is cut away, and some factors below one; and of one among whole numbers or
+    /// moments.
     #[must_use]
     pub fn beyond_normal(&self, effects: &[usize], u: &dyn Fn(usize) -> f64, std: &dyn Fn(usize) -> f64) -> f64 {
         let of_effect = |&effect: &usize| {
@@ -270,6 +271,7 @@ impl Fitter<'_> {
             let one_of = |c: usize| match self.scale(c) {
                 Scale::Whole { most } => 0.5 * u(c).powi(2) - f64::from(most).ln(),
                 Scale::Moment => sizes::moment_beyond_normal(u(c), std(c)),
+                Scale::FactorBelow(_) => sizes::side_beyond_normal(u(c), std(c)),
                 _ => 0.0,
             };
             let uniform: f64 = self.coordinates.of(effect).map(one_of).sum();

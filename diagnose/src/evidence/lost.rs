@@ -17,7 +17,7 @@
 use std::collections::BTreeSet;
 
 use raven::Result;
-use raven::effects::{Effect, Element, Scale, Sited};
+use raven::effects::{Effect, Element, Sited};
 
 use super::fit::{Fitter, Hypothesis, cost, side_by_side};
 use super::linear::dot;
@@ -95,7 +95,7 @@ impl Fitter<'_> {
     pub(super) fn followed_closely(&self, outcome: &mut Outcome, mut best: Hypothesis) -> Result<Hypothesis> {
         let is_soft = |h: &Hypothesis, effect: usize| {
             let Sited { effect: Effect { element, parameters, .. }, .. } = self.coordinates.sited[effect];
-            let is_factor = *element == Some(Element::Spring) && matches!(parameters[0].scale, Scale::Factor(_));
+            let is_factor = *element == Some(Element::Spring) && parameters[0].scale.is_factor();
             is_factor && self.coordinates.values(effect, &h.u)[0] < SOFT
         };
         let has_soft = |h: &&Hypothesis| h.effects.iter().any(|&effect| is_soft(h, effect));

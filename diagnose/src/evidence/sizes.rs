@@ -23,6 +23,8 @@ const EXPECTED: f64 = 0.95;
 /// Points of the mean over the posterior, and how many deviations it goes.
 const POINTS: usize = 121;
 const REACH: f64 = 6.0;
+/// Probability of the other side of what lies on one as a rule.
+const UNUSUAL: f64 = 0.05;
 /// Deviation from which on nothing is known of a moment: that of all moments alike, as parts of the recording.
 const UNKNOWN_MOMENT: f64 = 0.29;
 
@@ -59,6 +61,13 @@ pub fn beyond_normal(found: &[(f64, f64)]) -> f64 {
     let step = 2.0 * REACH / (POINTS - 1) as f64;
     let mean = logs.iter().map(|l| (l - highest).exp()).sum::<f64>() * step / std::f64::consts::TAU.sqrt();
     highest + mean.ln()
+}
+
+/// What evidence with a normal prior lacks [nat] of a number that is below zero as a rule, at `u` with a posterior deviation.
+#[must_use]
+pub fn side_beyond_normal(u: f64, std: f64) -> f64 {
+    let below = normal_cdf(-u / std.max(f64::MIN_POSITIVE));
+    (2.0 * ((1.0 - UNUSUAL) * below + UNUSUAL * (1.0 - below))).ln()
 }
 
 /// What evidence with a normal prior lacks [nat] of a moment, which is anywhere in the recording with the same probability, at `u` of it with a posterior
@@ -125,6 +134,14 @@ mod tests {
         }
         assert_relative_eq!(part_below(0.8), 0.5, epsilon = 1e-9);
         assert_relative_eq!(part_below(largest()), 0.95, epsilon = 1e-6);
+    }
+
+    #[test]
+    fn a_size_counts_by_the_side_it_is_on() {
+        assert_relative_eq!(side_beyond_normal(-1.0, 1e-3), 1.9_f64.ln(), epsilon = 1e-9);
+        assert_relative_eq!(side_beyond_normal(1.0, 1e-3), 0.1_f64.ln(), epsilon = 1e-9);
+        // Where it may be on either, as without it.
+        assert_relative_eq!(side_beyond_normal(0.0, 0.3), 0.0, epsilon = 1e-9);
     }
 
     #[test]

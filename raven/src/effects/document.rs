@@ -91,6 +91,7 @@ fn prior(parameter: &Parameter) -> String {
     match parameter.scale {
         Scale::Offset(size) => format!("+- {}{beside}", sizes(size)),
         Scale::Factor(size) => format!("x e^(+- {size}){beside}"),
+        Scale::FactorBelow(size) => format!("x e^(+- {size}), above 1 one in twenty{beside}"),
         Scale::FactorUpTo { size, most } => format!("x e^(+- {size}), {most} at most{beside}"),
         Scale::Magnitude(size) => format!(">= 0, {}{beside}", sizes(size)),
         Scale::Part => format!("0 to 1{beside}"),

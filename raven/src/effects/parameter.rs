@@ -13,7 +13,9 @@ pub enum Scale {
     Offset(Size),
     /// `exp(size u)`: a factor on the nominal value.
     Factor(f64),
-    /// The same, of which more than so much would change nothing.
+    /// The same of what is below the nominal value where it is not as stated: above it is one in twenty.
+    FactorBelow(f64),
+    /// A factor of which more than so much would change nothing.
     FactorUpTo {
         /// Deviation of its logarithm.
         size: f64,
@@ -60,10 +62,16 @@ impl Scale {
         matches!(self, Self::Shape { .. })
     }
 
+    /// Whether it is a factor on the nominal value.
+    #[must_use]
+    pub fn is_factor(self) -> bool {
+        matches!(self, Self::Factor(_) | Self::FactorBelow(_) | Self::FactorUpTo { .. })
+    }
+
     /// Whether the number says how large an effect is, as against what it is like.
     #[must_use]
     pub fn is_size(self) -> bool {
-        matches!(self, Self::Offset(_) | Self::Factor(_) | Self::FactorUpTo { .. } | Self::Magnitude(_) | Self::Part)
+        self.is_factor() || matches!(self, Self::Offset(_) | Self::Magnitude(_) | Self::Part)
     }
 
     /// Least and largest `u` of what a fit looks at: beyond, values mirror or no longer change.
@@ -74,7 +82,9 @@ impl Scale {
             Self::Part | Self::Moment => [0.0, 1.0],
             Self::State { size, most } => [-most / size, most / size],
             Self::FactorUpTo { size, most } => [f64::NEG_INFINITY, most.ln() / size],
-            Self::Offset(_) | Self::Factor(_) | Self::Shape { .. } | Self::Whole { .. } => [f64::NEG_INFINITY, f64::INFINITY],
+            Self::Offset(_) | Self::Factor(_) | Self::FactorBelow(_) | Self::Shape { .. } | Self::Whole { .. } => {
+                [f64::NEG_INFINITY, f64::INFINITY]
+            }
         }
     }
 
@@ -147,7 +157,7 @@ impl Parameter {
             Scale::Offset(size) => self.size(size, measure) * u,
             Scale::State { size, most } => (size * u).clamp(-most, most),
             Scale::Part => u.abs().min(largest),
-            Scale::Factor(size) => (size * u).exp(),
+            Scale::Factor(size) | Scale::FactorBelow(size) => (size * u).exp(),
             Scale::FactorUpTo { size, most } => (size * u).exp().min(most),
             Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
             Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
@@ -165,7 +175,7 @@ impl Parameter {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => value / self.size(size, measure),
             Scale::State { size, .. } => value / size,
-            Scale::Factor(size) | Scale::FactorUpTo { size, .. } => value.ln() / size,
+            Scale::Factor(size) | Scale::FactorBelow(size) | Scale::FactorUpTo { size, .. } => value.ln() / size,
             Scale::Shape { middle, size } => (value / (measure.times(self.unit) * middle)).ln() / size,
             Scale::Moment | Scale::Part => value,
             Scale::Whole { most } => {
@@ -180,7 +190,9 @@ impl Parameter {
     pub fn std(&self, u: f64, std: f64, measure: Measure) -> f64 {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => self.size(size, measure) * std,
-            Scale::Factor(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
+            Scale::Factor(size) | Scale::FactorBelow(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => {
+                self.value(u, measure) * size * std
+            }
             Scale::State { size, .. } => size * std,
             Scale::Moment | Scale::Part => std,
             Scale::Whole { .. } => 0.0,
@@ -193,9 +205,11 @@ impl Parameter {
         let tolerance = self.tolerance?(robot, place);
         Some(match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => tolerance / self.size(size, measure),
-            Scale::Factor(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } | Scale::State { size, .. } => {
-                tolerance / size
-            }
+            Scale::Factor(size)
+            | Scale::FactorBelow(size)
+            | Scale::FactorUpTo { size, .. }
+            | Scale::Shape { size, .. }
+            | Scale::State { size, .. } => tolerance / size,
             Scale::Part | Scale::Moment | Scale::Whole { .. } => tolerance,
         })
     }
@@ -208,7 +222,9 @@ impl Parameter {
         /// And factors.
         const FACTOR: f64 = 1e4;
         let reach = match self.scale {
-            Scale::Factor(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => REACH.min(FACTOR.ln() / size),
+            Scale::Factor(size) | Scale::FactorBelow(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => {
+                REACH.min(FACTOR.ln() / size)
+            }
             _ => REACH,
         };
         let [least, largest] = self.scale.limits_u();
@@ -219,7 +235,7 @@ impl Parameter {
     #[must_use]
     pub fn usual(&self, measure: Measure) -> Option<f64> {
         match self.scale {
-            Scale::Factor(_) | Scale::FactorUpTo { .. } => Some(1.0),
+            _ if self.scale.is_factor() => Some(1.0),
             Scale::State { .. } => Some(0.0),
             Scale::Magnitude(_) | Scale::Part if self.tolerance.is_some() => Some(0.0),
             Scale::Shape { middle, .. } => Some(measure.times(self.unit) * middle),

@@ -79,7 +79,7 @@ fn values_range_to_the_very_most_that_there_is() {
                 Scale::Whole { most } => [1.0, f64::from(most)],
                 Scale::Magnitude(_) => [0.0, high],
                 Scale::Offset(_) | Scale::State { .. } => [-high, high],
-                Scale::Factor(_) | Scale::Shape { .. } => [low.abs(), high],
+                Scale::Factor(_) | Scale::FactorBelow(_) | Scale::Shape { .. } => [low.abs(), high],
             };
             assert_eq!([low, high], ends, "{} {}", sited.effect.id, parameter.name);
             assert!(parameter.usual(sited.measure).is_none_or(|usual| (low..=high).contains(&usual)) && low < high);

@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     channels: &[Channel::Tip],
     needs: &[Need::Cable],
     element: None,
-    ties: &[Tie::near("backlash")],
+    ties: &[Tie::near("backlash"), Tie::near("cable-stretch")],
     separated_by: "loads from none to full in one pose",
     act: |model, place, values| {
         let joint = &mut model.robot.joints[place.first];
