@@ -45,14 +45,7 @@ impl Cable {
     /// Tension difference [N] at a stretch [m] and its rate [m/s].
     #[must_use]
     pub fn force(&self, stretch_m: f64, stretch_rate_m_s: f64) -> f64 {
-        let half = 0.5 * self.slack;
-        let taut = stretch_m - stretch_m.clamp(-half, half);
-        if taut == 0.0 && half > 0.0 {
-            return 0.0;
-        }
-        let pull = 2.0 * (self.stiffness * self.exponent_length * sinh(taut / self.exponent_length) + self.damping * stretch_rate_m_s);
-        // Slack cannot push.
-        if half > 0.0 && pull * taut < 0.0 { 0.0 } else { pull }
+        Pull::new(self).n(stretch_m, stretch_rate_m_s)
     }
 
     /// Slope of the tension difference by the stretch [N/m] under a static tension difference [N].
@@ -67,6 +60,42 @@ impl Cable {
         let taut = self.exponent_length * asinh(force_n / (2.0 * self.stiffness * self.exponent_length));
         // Without a load a slack pair may stand anywhere; the middle is as good as any.
         if force_n == 0.0 { 0.0 } else { taut + 0.5 * self.slack * force_n.signum() }
+    }
+}
+
+/// The law of one cable, with what does not change along a motion worked out.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pull {
+    half_slack_m: f64,
+    /// `2 k_e x0` [N].
+    scale_n: f64,
+    /// `1 / x0` [1/m].
+    per_length: f64,
+    /// `2 b_e` [N s/m].
+    damping: f64,
+}
+
+impl Pull {
+    pub(super) fn new(cable: &Cable) -> Self {
+        Self {
+            half_slack_m: 0.5 * cable.slack,
+            scale_n: 2.0 * cable.stiffness * cable.exponent_length,
+            per_length: cable.exponent_length.recip(),
+            damping: 2.0 * cable.damping,
+        }
+    }
+
+    /// As [`Cable::force`].
+    pub(super) fn n(&self, stretch_m: f64, stretch_rate_m_s: f64) -> f64 {
+        let half = self.half_slack_m;
+        let pull = |taut: f64| self.scale_n * sinh(taut * self.per_length) + self.damping * stretch_rate_m_s;
+        if half == 0.0 {
+            return pull(stretch_m);
+        }
+        let taut = stretch_m - stretch_m.clamp(-half, half);
+        let pull = pull(taut);
+        // Slack cannot push.
+        if pull * taut <= 0.0 { 0.0 } else { pull }
     }
 }
 

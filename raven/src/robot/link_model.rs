@@ -9,8 +9,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::cable::Pull;
 use super::grip::Grip;
-use super::{Arm, JointType, SteadyMotion};
+use super::rubbing::Rubbing;
+use super::{Arm, JointType, SteadyMotion, Transmission};
 
 /// Speed below which Coulomb friction fades, per joint [rad/s, rad/s, m/s]: a tenth of the slowest motion that matters here.
 pub const STICTION_SPEED: [f64; 3] = [5e-3, 5e-3, 1e-3];
@@ -44,6 +46,23 @@ impl LinkState {
     }
 }
 
+/// Cable that motors which move steadily have wound, by [`Transmission::wound_m`].
+#[derive(Clone, Copy)]
+struct Wound {
+    cable_m: Vector3<f64>,
+    rate_m_s: Vector3<f64>,
+}
+
+impl Wound {
+    fn by(transmission: &Transmission, motor: &Vector3<f64>, motor_rate: &Vector3<f64>) -> Self {
+        Self { cable_m: transmission.wound_m(motor), rate_m_s: motor_rate.component_mul(&transmission.cable_per_motor_m) }
+    }
+
+    fn after(&self, time_s: f64) -> Self {
+        Self { cable_m: self.cable_m + self.rate_m_s * time_s, ..*self }
+    }
+}
+
 /// Rigid-body terms at one state.
 struct RigidBody {
     inverse_mass: Matrix3<f64>,
@@ -62,6 +81,9 @@ pub struct LinkModel {
     arm: Arm,
     grip: Grip,
     step_max_s: f64,
+    pulls: [Pull; 3],
+    rubbing: Rubbing,
+    levers_m: Matrix3<f64>,
 }
 
 impl LinkModel {
@@ -72,7 +94,8 @@ impl LinkModel {
         let inertia = arm.dynamics.mass_matrix(&middle).diagonal();
         let grip = Grip::new(&arm, &inertia);
         let step_max_s = (RUNGE_KUTTA_REACH / fastest_pole(&arm, &grip, &middle, &inertia)).clamp(STEP_MIN_S, STEP_MAX_S);
-        Self { arm, grip, step_max_s }
+        let (pulls, rubbing, levers_m) = (arm.cables.map(|cable| Pull::new(&cable)), Rubbing::new(&arm), arm.transmission.levers_m());
+        Self { arm, grip, step_max_s, pulls, rubbing, levers_m }
     }
 
     /// Longest step [s] that [`Self::step`] takes with good accuracy: set by the fastest pole of cables and friction.
@@ -90,31 +113,30 @@ impl LinkModel {
     /// Accelerations of the joints for a state and the motors' angle [rad] and velocity [rad/s].
     #[must_use]
     pub fn acceleration(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>) -> Vector3<f64> {
-        self.rigid_body(state).acceleration(&self.force(state, motor, motor_rate))
+        let wound = Wound::by(&self.arm.transmission, motor, motor_rate);
+        self.rigid_body(state).acceleration(&self.force(state, &wound))
     }
 
     /// Joint forces of cables and friction [N m, N m, N].
-    fn force(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>) -> Vector3<f64> {
-        let transmission = &self.arm.transmission;
-        let stretch = transmission.stretch_m(motor, &state.position);
-        let stretch_rate = transmission.stretch_rate_m_s(motor_rate, &state.rate);
-        let tension = Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], stretch_rate[j]));
-        let free = transmission.joint_force(&tension) - self.friction(&state.rate, &tension);
+    fn force(&self, state: &LinkState, wound: &Wound) -> Vector3<f64> {
+        let (stretch, stretch_rate) = (wound.cable_m - self.levers_m * state.position, wound.rate_m_s - self.levers_m * state.rate);
+        let tension = Vector3::from_fn(|j, _| self.pulls[j].n(stretch[j], stretch_rate[j]));
+        let free = self.levers_m.tr_mul(&tension) - self.friction(&state.rate, &tension);
         match &state.anchor {
-            Some(anchor) => free - self.grip.friction(anchor, &state.position, &state.rate, &self.holding_n(&tension)),
+            Some(anchor) => free - self.grip.friction(anchor, &state.position, &state.rate, &self.rubbing.holding_n(&tension)),
             None => free,
         }
     }
 
     /// Where joints are held that have come to a state.
-    fn slid(&self, state: &LinkState, motor: &Vector3<f64>) -> Option<Vector3<f64>> {
+    fn slid(&self, state: &LinkState, wound: &Wound) -> Option<Vector3<f64>> {
         let anchor = state.anchor?;
         let pulled = || {
-            let stretch = self.arm.transmission.stretch_m(motor, &state.position);
-            Vector3::from_fn(|j, _| self.arm.cables[j].force(stretch[j], 0.0))
+            let stretch = wound.cable_m - self.levers_m * state.position;
+            Vector3::from_fn(|j, _| self.pulls[j].n(stretch[j], 0.0))
         };
-        let tension = if self.arm.link_friction.iter().any(|friction| friction.per_load != 0.0) { pulled() } else { Vector3::zeros() };
-        Some(self.grip.slid(&anchor, &state.position, &self.holding_n(&tension)))
+        let tension = if self.rubbing.holds_by_tension() { pulled() } else { Vector3::zeros() };
+        Some(self.grip.slid(&anchor, &state.position, &self.rubbing.holding_n(&tension)))
     }
 
     fn rigid_body(&self, state: &LinkState) -> RigidBody {
@@ -126,18 +148,7 @@ impl LinkModel {
     /// Friction of the joints [N m, N m, N] at joint velocities, under tension differences of the cables [N].
     #[must_use]
     pub fn friction(&self, rate: &Vector3<f64>, tension_n: &Vector3<f64>) -> Vector3<f64> {
-        let way = self.arm.rubbing(rate);
-        Vector3::from_fn(|j, _| self.creeping_n(j, tension_n[j]) * way[j] + self.arm.link_friction[j].viscous * rate[j])
-    }
-
-    /// Coulomb friction that holds, at most [N m, N m, N].
-    fn holding_n(&self, tension_n: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|j, _| self.arm.link_friction[j].held_part * self.arm.dry_friction_n(j, tension_n[j]))
-    }
-
-    /// Coulomb friction that gives way at rest [N m or N].
-    fn creeping_n(&self, j: usize, tension_n: f64) -> f64 {
-        (1.0 - self.arm.link_friction[j].held_part) * self.arm.dry_friction_n(j, tension_n)
+        self.rubbing.moving_n(rate, tension_n)
     }
 
     /// One Runge-Kutta step of order four over `step_s`, the motors moving steadily from `motor` at `motor_rate`.
@@ -146,7 +157,8 @@ impl LinkModel {
     /// change by parts in ten thousand within a step, and they take most of the time.
     #[must_use]
     pub fn step(&self, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> LinkState {
-        self.step_with(&self.rigid_body_ahead(state, 0.5 * step_s), state, motor, motor_rate, step_s)
+        let wound = Wound::by(&self.arm.transmission, motor, motor_rate);
+        self.step_with(&self.rigid_body_ahead(state, 0.5 * step_s), state, &wound, step_s)
     }
 
     /// Rigid-body terms after a time at the velocity there is.
@@ -154,9 +166,9 @@ impl LinkModel {
         self.rigid_body(&LinkState { position: state.position + state.rate * time_s, ..*state })
     }
 
-    fn step_with(&self, body: &RigidBody, state: &LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> LinkState {
+    fn step_with(&self, body: &RigidBody, state: &LinkState, wound: &Wound, step_s: f64) -> LinkState {
         let half = 0.5 * step_s;
-        let slope = |s: &LinkState, t: f64| (s.rate, body.acceleration(&self.force(s, &(motor + motor_rate * t), motor_rate)));
+        let slope = |s: &LinkState, t: f64| (s.rate, body.acceleration(&self.force(s, &wound.after(t))));
         let ahead = |(v, a): &(Vector3<f64>, Vector3<f64>), h: f64| LinkState {
             position: state.position + v * h,
             rate: state.rate + a * h,
@@ -171,7 +183,7 @@ impl LinkModel {
             rate: state.rate + (k1.1 + 2.0 * (k2.1 + k3.1) + k4.1) * (step_s / 6.0),
             anchor: state.anchor,
         };
-        LinkState { anchor: self.slid(&reached, &(motor + motor_rate * step_s)), ..reached }
+        LinkState { anchor: self.slid(&reached, &wound.after(step_s)), ..reached }
     }
 
     /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within two milliseconds share
@@ -221,13 +233,14 @@ impl LinkModel {
         pass: &mut impl FnMut(f64, &LinkState),
     ) -> LinkState {
         let mut state = *state;
+        let wound = Wound::by(&self.arm.transmission, motor, motor_rate);
         let step_s = duration_s / steps;
         let (steps, sharing) = (steps as usize, (RIGID_S / step_s).round().max(1.0) as usize);
         for first in (0..steps).step_by(sharing) {
             let last = (first + sharing).min(steps);
             let body = self.rigid_body_ahead(&state, 0.5 * (last - first) as f64 * step_s);
             for i in first..last {
-                state = self.step_with(&body, &state, &(motor + motor_rate * (i as f64 * step_s)), motor_rate, step_s);
+                state = self.step_with(&body, &state, &wound.after(i as f64 * step_s), step_s);
             }
             pass(last as f64 * step_s, &state);
         }
@@ -239,7 +252,7 @@ impl LinkModel {
     /// The stretch is so small that gravity at the rigid position is gravity at the stretched one to second order; two passes suffice.
     #[must_use]
     pub fn settled(&self, motor: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
-        let creeping = |tension: &Vector3<f64>| Vector3::from_fn(|j, _| self.creeping_n(j, tension[j]) * direction[j]);
+        let creeping = |tension: &Vector3<f64>| self.rubbing.creeping_n(tension).component_mul(direction);
         self.settled_under(motor, |joint, tension| self.arm.dynamics.gravity(joint) + creeping(tension), &Vector3::zeros()).0
     }
 
@@ -255,7 +268,7 @@ impl LinkModel {
         let fresh = at_start(&|j| self.arm.cables[j].fresh_part);
         let lag = at_start(&|j| if gripped { self.arm.link_friction[j].lag_at_start } else { 0.0 });
         let way = Vector3::from_fn(|j, _| if moves[j] > 0.0 { rate[j].signum() } else { lag[j] });
-        let held = |tension: &Vector3<f64>| if gripped { self.holding_n(tension).component_mul(&way) } else { Vector3::zeros() };
+        let held = |tension: &Vector3<f64>| if gripped { self.rubbing.holding_n(tension).component_mul(&way) } else { Vector3::zeros() };
         let load = |joint: &Vector3<f64>, tension: &Vector3<f64>| {
             let (mass, bias) = self.arm.dynamics.mass_and_bias(joint, &rate);
             mass * acceleration + bias + self.friction(&rate, tension) + held(tension)

@@ -12,6 +12,7 @@ mod link_model;
 mod listed;
 pub mod nominal;
 mod rollout;
+mod rubbing;
 pub mod stiction;
 mod transmission;
 mod write;

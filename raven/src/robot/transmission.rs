@@ -82,20 +82,32 @@ impl Transmission {
     /// Cable stretch [m]: what the capstan has wound, less what the joint has taken up.
     #[must_use]
     pub fn stretch_m(&self, motor: &Vector3<f64>, joint: &Vector3<f64>) -> Vector3<f64> {
+        self.wound_m(motor) - self.levers_m() * joint
+    }
+
+    /// Cable that the capstans have wound [m], counted from where all joints are at zero.
+    #[must_use]
+    pub fn wound_m(&self, motor: &Vector3<f64>) -> Vector3<f64> {
         (motor - self.motor_at_hard_stop).component_mul(&self.cable_per_motor_m)
-            - (self.travel_from_joint * joint - self.travel_at_hard_stop).component_mul(&self.link_radius_m)
+            + self.travel_at_hard_stop.component_mul(&self.link_radius_m)
+    }
+
+    /// Cable that joints take up as they move [m/rad, m/rad, 1]: by cable (row) and joint (column). Transposed, force at the joints by tension.
+    #[must_use]
+    pub fn levers_m(&self) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&self.link_radius_m) * self.travel_from_joint
     }
 
     /// Rate of the cable stretch [m/s] from motor and joint velocities.
     #[must_use]
     pub fn stretch_rate_m_s(&self, motor_rate: &Vector3<f64>, joint_rate: &Vector3<f64>) -> Vector3<f64> {
-        motor_rate.component_mul(&self.cable_per_motor_m) - (self.travel_from_joint * joint_rate).component_mul(&self.link_radius_m)
+        motor_rate.component_mul(&self.cable_per_motor_m) - self.levers_m() * joint_rate
     }
 
     /// Joint forces [N m, N m, N] of cable tension differences [N], the coupling's reaction on the moving joints included.
     #[must_use]
     pub fn joint_force(&self, tension_n: &Vector3<f64>) -> Vector3<f64> {
-        self.travel_from_joint.tr_mul(&tension_n.component_mul(&self.link_radius_m))
+        self.levers_m().tr_mul(tension_n)
     }
 
     /// Cable tension differences [N] that hold joint forces [N m, N m, N].
