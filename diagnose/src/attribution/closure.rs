@@ -224,8 +224,78 @@ fn shapley(count: usize, k: usize, value: &dyn Fn(usize) -> f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::channels::Measured;
     use super::*;
+    use crate::evidence::rows::{Links, Observed};
+    use crate::evidence::tests::{Seen, tips};
     use approx::assert_relative_eq;
+    use raven::effects::{Channel, Sited};
+    use raven::robot::Robot;
+
+    type Row = fn(&[Option<&[f64]>], Links) -> Vec<f64>;
+
+    /// A tip that an offset moves by 2 mm in blocks with even numbers and by 3 mm in others, of which nothing can be fitted.
+    struct Half {
+        seen: Seen<Row>,
+        unfit: Seen<Row>,
+    }
+
+    impl Observed for Half {
+        fn robot(&self) -> &Robot {
+            self.seen.robot()
+        }
+        fn tip_rows(&self) -> usize {
+            self.seen.tip_rows()
+        }
+        fn torque_rows(&self) -> usize {
+            self.seen.torque_rows()
+        }
+        fn tip_block(&self) -> usize {
+            self.seen.tip_block()
+        }
+        fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
+            self.seen.cannot_show(sited)
+        }
+        fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
+            self.seen.residuals(settings, links, channels)
+        }
+    }
+
+    impl Sampled for Half {
+        fn measured(&self) -> Vec<Measured> {
+            vec![Measured { name: "tip".to_owned(), unit: "mm", scale: 1e3, side: Channel::Tip, signed: false }]
+        }
+        fn samples(&self, settings: &[Setting]) -> Result<Vec<Sample>> {
+            let left = if settings.is_empty() { 1.0 } else { 0.1 };
+            let sample = |k: usize| {
+                let time_s = 0.1 * k as f64;
+                let error = left * if block(time_s).is_multiple_of(2) { 2e-3 } else { 3e-3 };
+                Sample { channel: 0, recording: 0, time_s, error, variance: 0.0, rate: 0.0 }
+            };
+            Ok((0..600).map(sample).collect())
+        }
+        fn only(&self, keep: &dyn Fn(f64) -> bool) -> Box<dyn Observed + '_> {
+            let Self { seen, unfit } = self;
+            Box::new(if keep(0.0) { seen.clone() } else { unfit.clone() })
+        }
+    }
+
+    #[test]
+    fn blocks_that_nothing_is_fitted_for_elsewhere_do_not_count() {
+        let of = |row: Row| Seen::new(&[("joint-offset", [0, 0])], row);
+        let finite: Row = |numbers, _| tips(|k| k.sin() * (1.0 - numbers[0].map_or(0.0, |u| u[0])));
+        let half = Half { seen: of(finite), unfit: of(|_, _| tips(|_| f64::NAN)) };
+        let coordinates = Coordinates::new(&half.seen.robot, &half);
+        let fitter = Fitter::new(&half, &coordinates);
+        let named = fitter.fit(&[0], &fitter.nowhere(), None).unwrap().unwrap();
+        let (gaps, _) = closures(&half, &coordinates, &named).unwrap();
+        // What is fitted in blocks with even numbers is looked at in the others alone.
+        assert_relative_eq!(gaps[0].before, 3.0, max_relative = 1e-9);
+        assert_relative_eq!(gaps[0].closed.unwrap(), 0.99, max_relative = 1e-9);
+        assert!(gaps[0].held_out);
+        let neither = Half { seen: half.unfit.clone(), ..half };
+        assert!(closures(&neither, &coordinates, &named).unwrap().0.is_empty());
+    }
 
     #[test]
     fn shares_sum_to_the_whole_and_are_those_of_the_glove_game() {

@@ -41,8 +41,8 @@ pub struct Detectable {
     pub id: &'static str,
     /// As of a cause.
     pub joint: Option<String>,
-    /// Of its first number; of a factor, the one above 1, or below where that is the rule; of a number that does less the larger it is, as a limit, the largest. `null` where
-    /// none that is to be expected would have shown.
+    /// Of its first number; of a factor, the one above 1, or below where that is the rule; of a number that does less the larger it is, as a
+    /// limit, the largest. `null` where none that is to be expected would have shown.
     pub size: Option<f64>,
     /// Unit of `size`.
     pub unit: String,
@@ -317,6 +317,15 @@ mod tests {
             Without::new(&fitter, &none).unwrap().information(0, 0, &[1.0]).unwrap().unwrap()[(0, 0)]
         };
         assert_relative_eq!(information(0.8), information(0.0), max_relative = 1e-9);
+    }
+
+    #[test]
+    fn a_cable_that_would_have_shown_is_a_soft_one() {
+        let rows = Seen::new(&[("cable-stretch", [1, 0])], |_: &[Option<&[f64]>], _| tips(|k| k.sin()));
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let smallest = Smallest { effect: 0, coordinate: 0, u: 1.0, part_unseen: 0.0 };
+        let said = smallest.detectable(&Fitter::new(&rows, &coordinates));
+        assert_eq!((said.words().unwrap().as_str(), said.joint.as_deref()), ("factor 0.247", Some("elbow")));
     }
 
     #[test]

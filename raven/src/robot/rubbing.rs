@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::Arm;
 
 /// Dry friction of the joints [N m, N m, N] under tension differences of their cables [N].
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Dry {
     coulomb: Vector3<f64>,
     per_tension: Vector3<f64>,

@@ -12,6 +12,7 @@ mod lost;
 mod ties;
 
 /// Tips that see some effects at their places, and nothing else that could be off.
+#[derive(Clone)]
 pub(crate) struct Seen<R> {
     pub(crate) robot: Robot,
     effects: Vec<(&'static str, [usize; 2])>,
