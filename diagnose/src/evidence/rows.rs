@@ -322,8 +322,7 @@ pub(super) fn commanded_per_delivered(
 /// Dry friction of the joints at a pose [N m, N m, N].
 fn dry_friction(arm: &Arm, shaft: &Shaft) -> Vector3<f64> {
     let gravity = arm.dynamics.gravity(&arm.transmission.joint_from_motor(&shaft.angle));
-    let tension_n = arm.transmission.tension_n(&gravity);
-    Vector3::from_fn(|j, _| arm.dry_friction_n(j, tension_n[j]))
+    arm.dry_friction().under(&arm.transmission.tension_n(&gravity))
 }
 
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is

@@ -143,9 +143,9 @@ impl TorqueModel {
         let rate = transmission.joint_rate_from_motor(&shaft.rate);
         let (mass, bias) = self.arm.dynamics.mass_and_bias(&transmission.joint_from_motor(&shaft.angle), &rate);
         let load = mass * transmission.joint_rate_from_motor(&shaft.acceleration) + bias;
-        let rubbing = |tension: &Vector3<f64>| {
-            Vector3::from_fn(|j, _| self.arm.dry_friction_n(j, tension[j]) * drag[j] + self.arm.link_friction[j].viscous * rate[j])
-        };
+        let dry = self.arm.dry_friction();
+        let viscous = Vector3::from_fn(|j, _| self.arm.link_friction[j].viscous * rate[j]);
+        let rubbing = |tension: &Vector3<f64>| dry.under(tension).component_mul(drag) + viscous;
         let mut tension = transmission.tension_n(&load);
         // Friction that grows with the cable's force is part of what the cable bears.
         for _ in 0..if self.arm.link_friction.iter().any(|friction| friction.per_load > 0.0) { PASSES } else { 1 } {

@@ -10,8 +10,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::cable::Pull;
+use super::friction::Friction;
 use super::grip::Grip;
-use super::rubbing::Rubbing;
 use super::{Arm, JointType, SteadyMotion, Transmission};
 
 /// Speed below which Coulomb friction fades, per joint [rad/s, rad/s, m/s]: a tenth of the slowest motion that matters here.
@@ -82,8 +82,7 @@ pub struct LinkModel {
     grip: Grip,
     step_max_s: f64,
     pulls: [Pull; 3],
-    rubbing: Rubbing,
-    levers_m: Matrix3<f64>,
+    friction: Friction,
 }
 
 impl LinkModel {
@@ -93,9 +92,9 @@ impl LinkModel {
         let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
         let inertia = arm.dynamics.mass_matrix(&middle).diagonal();
         let grip = Grip::new(&arm, &inertia);
-        let step_max_s = (RUNGE_KUTTA_REACH / fastest_pole(&arm, &grip, &middle, &inertia)).clamp(STEP_MIN_S, STEP_MAX_S);
-        let (pulls, rubbing, levers_m) = (arm.cables.map(|cable| Pull::new(&cable)), Rubbing::new(&arm), arm.transmission.levers_m());
-        Self { arm, grip, step_max_s, pulls, rubbing, levers_m }
+        let (pulls, friction) = (arm.cables.map(|cable| Pull::new(&cable)), Friction::new(&arm));
+        let pole = fastest_pole(&arm, &grip, &friction, &middle, &inertia);
+        Self { arm, grip, step_max_s: (RUNGE_KUTTA_REACH / pole).clamp(STEP_MIN_S, STEP_MAX_S), pulls, friction }
     }
 
     /// Longest step [s] that [`Self::step`] takes with good accuracy: set by the fastest pole of cables and friction.
@@ -119,11 +118,12 @@ impl LinkModel {
 
     /// Joint forces of cables and friction [N m, N m, N].
     fn force(&self, state: &LinkState, wound: &Wound) -> Vector3<f64> {
-        let (stretch, stretch_rate) = (wound.cable_m - self.levers_m * state.position, wound.rate_m_s - self.levers_m * state.rate);
+        let levers_m = &self.arm.transmission.levers_m;
+        let (stretch, stretch_rate) = (wound.cable_m - levers_m * state.position, wound.rate_m_s - levers_m * state.rate);
         let tension = Vector3::from_fn(|j, _| self.pulls[j].n(stretch[j], stretch_rate[j]));
-        let free = self.levers_m.tr_mul(&tension) - self.friction(&state.rate, &tension);
+        let free = levers_m.tr_mul(&tension) - self.friction(&state.rate, &tension);
         match &state.anchor {
-            Some(anchor) => free - self.grip.friction(anchor, &state.position, &state.rate, &self.rubbing.holding_n(&tension)),
+            Some(anchor) => free - self.grip.friction(anchor, &state.position, &state.rate, &self.friction.holding(&tension)),
             None => free,
         }
     }
@@ -132,11 +132,11 @@ impl LinkModel {
     fn slid(&self, state: &LinkState, wound: &Wound) -> Option<Vector3<f64>> {
         let anchor = state.anchor?;
         let pulled = || {
-            let stretch = wound.cable_m - self.levers_m * state.position;
+            let stretch = wound.cable_m - self.arm.transmission.levers_m * state.position;
             Vector3::from_fn(|j, _| self.pulls[j].n(stretch[j], 0.0))
         };
-        let tension = if self.rubbing.holds_by_tension() { pulled() } else { Vector3::zeros() };
-        Some(self.grip.slid(&anchor, &state.position, &self.rubbing.holding_n(&tension)))
+        let tension = if self.friction.holds_by_tension() { pulled() } else { Vector3::zeros() };
+        Some(self.grip.slid(&anchor, &state.position, &self.friction.holding(&tension)))
     }
 
     fn rigid_body(&self, state: &LinkState) -> RigidBody {
@@ -148,7 +148,7 @@ impl LinkModel {
     /// Friction of the joints [N m, N m, N] at joint velocities, under tension differences of the cables [N].
     #[must_use]
     pub fn friction(&self, rate: &Vector3<f64>, tension_n: &Vector3<f64>) -> Vector3<f64> {
-        self.rubbing.moving_n(rate, tension_n)
+        self.friction.moving(rate, tension_n)
     }
 
     /// One Runge-Kutta step of order four over `step_s`, the motors moving steadily from `motor` at `motor_rate`.
@@ -252,7 +252,7 @@ impl LinkModel {
     /// The stretch is so small that gravity at the rigid position is gravity at the stretched one to second order; two passes suffice.
     #[must_use]
     pub fn settled(&self, motor: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
-        let creeping = |tension: &Vector3<f64>| self.rubbing.creeping_n(tension).component_mul(direction);
+        let creeping = |tension: &Vector3<f64>| self.friction.creeping(tension).component_mul(direction);
         self.settled_under(motor, |joint, tension| self.arm.dynamics.gravity(joint) + creeping(tension), &Vector3::zeros()).0
     }
 
@@ -268,7 +268,7 @@ impl LinkModel {
         let fresh = at_start(&|j| self.arm.cables[j].fresh_part);
         let lag = at_start(&|j| if gripped { self.arm.link_friction[j].lag_at_start } else { 0.0 });
         let way = Vector3::from_fn(|j, _| if moves[j] > 0.0 { rate[j].signum() } else { lag[j] });
-        let held = |tension: &Vector3<f64>| if gripped { self.rubbing.holding_n(tension).component_mul(&way) } else { Vector3::zeros() };
+        let held = |tension: &Vector3<f64>| if gripped { self.friction.holding(tension).component_mul(&way) } else { Vector3::zeros() };
         let load = |joint: &Vector3<f64>, tension: &Vector3<f64>| {
             let (mass, bias) = self.arm.dynamics.mass_and_bias(joint, &rate);
             mass * acceleration + bias + self.friction(&rate, tension) + held(tension)
@@ -317,17 +317,16 @@ const HARD_ACCELERATION: f64 = 20.0;
 
 /// Upper estimate of the fastest pole [1/s]: damping and stiffness of cables and of what holds joints, and the slope of the friction at rest,
 /// in the middle of the ranges.
-fn fastest_pole(arm: &Arm, grip: &Grip, middle: &Vector3<f64>, inertia: &Vector3<f64>) -> f64 {
+fn fastest_pole(arm: &Arm, grip: &Grip, friction: &Friction, middle: &Vector3<f64>, inertia: &Vector3<f64>) -> f64 {
     let gravity = arm.dynamics.gravity(middle);
+    // A cable that stiffens is stiffest, and friction by the load steepest, under the largest load.
+    let load_n = (gravity.abs() + inertia * HARD_ACCELERATION).component_div(&arm.transmission.link_radius_m);
+    let rubbing = friction.at_rest(&load_n);
     (0..3)
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
-            // A cable that stiffens is stiffest, and friction by the load steepest, under the largest load.
-            let load_n = (gravity[j].abs() + inertia[j] * HARD_ACCELERATION) / arm.transmission.link_radius_m[j];
-            let friction = &arm.link_friction[j];
-            let at_rest = (1.0 - friction.held_part) * arm.dry_friction_n(j, load_n) / arm.stiction_speed(j);
-            let damping = 2.0 * arm.cables[j].damping * radius2 + grip.damping[j] + at_rest + friction.viscous;
-            let stiffness = arm.joint_stiffness(j, load_n) + grip.stiffness[j];
+            let damping = 2.0 * arm.cables[j].damping * radius2 + grip.damping[j] + rubbing[j];
+            let stiffness = arm.joint_stiffness(j, load_n[j]) + grip.stiffness[j];
             let (rate, square) = (damping / inertia[j], stiffness / inertia[j]);
             // The larger root of s^2 + rate s + square = 0, or its modulus where the two are complex.
             if rate * rate > 4.0 * square { 0.5 * (rate + (rate * rate - 4.0 * square).sqrt()) } else { square.sqrt() }

@@ -68,7 +68,8 @@ pub fn wound<'a>(laws: &[MotorLaw], arm: &Arm, recorded: &'a MotorTrack) -> Cow<
         ];
         let lifted = arm.dynamics.inverse(&joint, &rate, &acceleration);
         let (tension_n, way) = (transmission.tension_n(&lifted), drag_at(time_s, wound));
-        let drag = |j: usize, _| arm.dry_friction_n(j, tension_n[j]) * way[j] + arm.link_friction[j].viscous * rate[j];
+        let dry = arm.dry_friction().under(&tension_n);
+        let drag = |j: usize, _| dry[j] * way[j] + arm.link_friction[j].viscous * rate[j];
         transmission.tension_n(&(lifted + Vector3::from_fn(drag)))
     };
     wound_by(laws, &Cables { transmission, stiffness_n: arm.cables.map(|cable| cable.stiffness), tension_n: &tension_n }, recorded)

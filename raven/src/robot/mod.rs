@@ -4,6 +4,7 @@ mod cable;
 mod check;
 mod dynamics;
 mod file;
+mod friction;
 mod grip;
 mod hysteresis;
 mod keys;
@@ -12,7 +13,6 @@ mod link_model;
 mod listed;
 pub mod nominal;
 mod rollout;
-mod rubbing;
 pub mod stiction;
 mod transmission;
 mod write;
@@ -23,6 +23,7 @@ pub use file::{
     Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, Provenance, Robot, Source, SourceFormat, Tolerances,
     ViscousCoulomb,
 };
+pub use friction::DryFriction;
 pub use hysteresis::{Hysteresis, behind_hysteresis};
 pub use keys::Change;
 pub use kinematics::{ArmSide, Branch, Kinematics};
@@ -59,30 +60,10 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// Speed of a joint below which its Coulomb friction fades [rad/s or m/s].
-    #[must_use]
-    pub fn stiction_speed(&self, j: usize) -> f64 {
-        self.link_friction[j].stiction_speed.unwrap_or(STICTION_SPEED[j])
-    }
-
-    /// Which way Coulomb friction acts at joint velocities: -1 to 1 per joint. Towards rest it fades as what a step of finite length needs to
-    /// stop the joint (Kikuuwe, Takesue, Sano, Mochiyama, Fujimoto 2005, eq. 16).
-    #[must_use]
-    pub fn rubbing(&self, rate: &nalgebra::Vector3<f64>) -> nalgebra::Vector3<f64> {
-        nalgebra::Vector3::from_fn(|j, _| (rate[j] / self.stiction_speed(j)).clamp(-1.0, 1.0))
-    }
-
     /// Stiffness of a joint through its cable [N m/rad or N/m] under a tension difference [N].
     #[must_use]
     pub fn joint_stiffness(&self, j: usize, tension_n: f64) -> f64 {
         self.cables[j].tangent_stiffness(tension_n) * self.transmission.link_radius_m[j].powi(2)
-    }
-
-    /// Dry friction of a joint [N m or N] whose cable pulls with a tension difference [N].
-    #[must_use]
-    pub fn dry_friction_n(&self, j: usize, tension_n: f64) -> f64 {
-        let friction = &self.link_friction[j];
-        friction.coulomb + friction.per_load * (tension_n * self.transmission.link_radius_m[j]).abs()
     }
 }
 

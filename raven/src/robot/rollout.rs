@@ -283,7 +283,7 @@ mod tests {
             };
             let (before, now) = (tension_n(&motor), tension_n(&seen));
             let off: Vec<f64> = before.iter().zip(&now).map(|(before, now)| before - now).collect();
-            let dry_n = links.arm().dry_friction_n(1, 0.0) / links.arm().transmission.link_radius_m[1];
+            let dry_n = links.arm().link_friction[1].coulomb / links.arm().transmission.link_radius_m[1];
             let rms_n = crate::stats::rms(&off).unwrap();
             assert!(rms_n < 0.02 * dry_n, "from sample {first} on {rms_n} N of a dry friction of {dry_n} N");
         }

@@ -242,7 +242,8 @@ struct Held {
 impl Held {
     fn at(arm: &Arm, rigid: &Vector3<f64>, part: &dyn Fn(usize) -> f64) -> Self {
         let tension = arm.transmission.tension_n(&arm.dynamics.gravity(rigid));
-        let friction = Vector3::from_fn(|j, _| part(j) * arm.dry_friction_n(j, tension[j]) / arm.transmission.link_radius_m[j]);
+        let dry_n = arm.dry_friction().under(&tension).component_div(&arm.transmission.link_radius_m);
+        let friction = Vector3::from_fn(|j, _| part(j) * dry_n[j]);
         let stretch = |tension: Vector3<f64>| Vector3::from_fn(|j, _| arm.cables[j].static_stretch_m(tension[j]));
         let [free, ahead, behind] = [tension, tension + friction, tension - friction].map(stretch);
         let half_m = (ahead - behind) * 0.5;

@@ -23,6 +23,8 @@ pub struct Transmission {
     pub link_radius_m: Vector3<f64>,
     /// Motor angles at the hard stop, as set when the logs were recorded [rad].
     pub motor_at_hard_stop: Vector3<f64>,
+    /// Cable that joints take up as they move [m/rad, m/rad, 1]: by cable (row) and joint (column). Transposed, force at the joints by tension.
+    pub levers_m: Matrix3<f64>,
     travel_at_hard_stop: Vector3<f64>,
     travel_from_joint: Matrix3<f64>,
     joint_from_travel: Matrix3<f64>,
@@ -37,11 +39,13 @@ impl Transmission {
         let travel_from_joint = Matrix3::identity() + coupling;
         let travel_at_hard_stop = travel_from_joint * per_joint(|j| j.hard_stop);
         let motor_at_hard_stop = Vector3::from_fn(|j, _| joints[j].motor_at_hard_stop.unwrap_or(ratio[j] * travel_at_hard_stop[j]));
+        let link_radius_m = per_joint(|j| j.link_pulley_radius);
         Self {
             ratio,
             cable_per_motor_m: per_joint(|j| j.motor_capstan_radius / j.gear_ratio),
-            link_radius_m: per_joint(|j| j.link_pulley_radius),
+            link_radius_m,
             motor_at_hard_stop,
+            levers_m: Matrix3::from_diagonal(&link_radius_m) * travel_from_joint,
             travel_at_hard_stop,
             travel_from_joint,
             // A coupling matrix that cannot be inverted would tie two joints together; the file is checked for it when read.
@@ -82,7 +86,7 @@ impl Transmission {
     /// Cable stretch [m]: what the capstan has wound, less what the joint has taken up.
     #[must_use]
     pub fn stretch_m(&self, motor: &Vector3<f64>, joint: &Vector3<f64>) -> Vector3<f64> {
-        self.wound_m(motor) - self.levers_m() * joint
+        self.wound_m(motor) - self.levers_m * joint
     }
 
     /// Cable that the capstans have wound [m], counted from where all joints are at zero.
@@ -92,22 +96,16 @@ impl Transmission {
             + self.travel_at_hard_stop.component_mul(&self.link_radius_m)
     }
 
-    /// Cable that joints take up as they move [m/rad, m/rad, 1]: by cable (row) and joint (column). Transposed, force at the joints by tension.
-    #[must_use]
-    pub fn levers_m(&self) -> Matrix3<f64> {
-        Matrix3::from_diagonal(&self.link_radius_m) * self.travel_from_joint
-    }
-
     /// Rate of the cable stretch [m/s] from motor and joint velocities.
     #[must_use]
     pub fn stretch_rate_m_s(&self, motor_rate: &Vector3<f64>, joint_rate: &Vector3<f64>) -> Vector3<f64> {
-        motor_rate.component_mul(&self.cable_per_motor_m) - self.levers_m() * joint_rate
+        motor_rate.component_mul(&self.cable_per_motor_m) - self.levers_m * joint_rate
     }
 
     /// Joint forces [N m, N m, N] of cable tension differences [N], the coupling's reaction on the moving joints included.
     #[must_use]
     pub fn joint_force(&self, tension_n: &Vector3<f64>) -> Vector3<f64> {
-        self.levers_m().tr_mul(tension_n)
+        self.levers_m.tr_mul(tension_n)
     }
 
     /// Cable tension differences [N] that hold joint forces [N m, N m, N].
