@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 use raven::Result;
-use raven::effects::{Channel, Scale, Sited};
+use raven::effects::{Above, Channel, Scale, Sited};
 use raven::plot::svg::figure;
 use raven::stats::normal_cdf;
 use rayon::prelude::*;
@@ -96,7 +96,7 @@ impl Smallest {
             id: sited.effect.id,
             joint: sited.joint(fitter.rows.robot()),
             size: self.u.is_finite().then(|| {
-                let side = if matches!(parameter.scale, Scale::FactorBelow(_)) { -1.0 } else { 1.0 };
+                let side = if matches!(parameter.scale, Scale::Factor { above: Above::Seldom, .. }) { -1.0 } else { 1.0 };
                 parameter.value(side * self.u, sited.measure)
             }),
             unit: parameter.unit_at(sited.measure).to_owned(),
@@ -332,7 +332,7 @@ mod tests {
     fn sizes_are_said_as_what_they_are() {
         let said =
             |scale: Scale, unit: &str| Detectable { id: "x", joint: None, size: Some(1.8), unit: unit.to_owned(), scale }.words().unwrap();
-        assert_eq!(said(Scale::Factor(1.0), "1"), "factor 1.80");
+        assert_eq!(said(Scale::factor(1.0), "1"), "factor 1.80");
         assert_eq!(said(Scale::Offset(Size::of(1.0)), "1"), "180 %");
         assert_eq!(said(Scale::Offset(Size::of(1.0)), "m"), "1.80 m");
         assert_eq!(said(Scale::Shape { middle: 1.0, size: 1.0 }, "N m"), "up to 1.80 N m");

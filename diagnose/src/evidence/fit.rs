@@ -9,7 +9,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
-use raven::effects::Scale;
+use raven::effects::{Above, Scale};
 use raven::stats::normal_cdf;
 use rayon::prelude::*;
 
@@ -255,7 +255,7 @@ impl Fitter<'_> {
             Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(least, largest),
             Scale::State { .. } => (u + step).clamp(least, largest),
             Scale::Offset(_) => u + step,
-            Scale::Factor(_) | Scale::FactorBelow(_) | Scale::FactorUpTo { .. } => (u + step.clamp(-STEP_MAX, STEP_MAX)).min(largest),
+            Scale::Factor { .. } => (u + step.clamp(-STEP_MAX, STEP_MAX)).min(largest),
         }
     }
 
@@ -271,7 +271,7 @@ impl Fitter<'_> {
             let one_of = |c: usize| match self.scale(c) {
                 Scale::Whole { most } => 0.5 * u(c).powi(2) - f64::from(most).ln(),
                 Scale::Moment => sizes::moment_beyond_normal(u(c), std(c)),
-                Scale::FactorBelow(_) => sizes::side_beyond_normal(u(c), std(c)),
+                Scale::Factor { above: Above::Seldom, .. } => sizes::side_beyond_normal(u(c), std(c)),
                 _ => 0.0,
             };
             let uniform: f64 = self.coordinates.of(effect).map(one_of).sum();

@@ -206,8 +206,8 @@ impl Fitter<'_> {
             let values: &[f64] = match parameter.scale {
                 _ if self.coordinates.all[c].is_unknown() => &base[c..=c],
                 // What may be a hundred times the nominal value has slopes that say nothing of it.
-                Scale::Factor(size) if size > 2.0 => &[base[c], -1.2, 0.8, 1.6, 2.4, 3.2],
-                Scale::Factor(_) | Scale::FactorBelow(_) | Scale::FactorUpTo { .. } => &[base[c], -1.2, 0.8, 1.6],
+                Scale::Factor { size, .. } if size > 2.0 => &[base[c], -1.2, 0.8, 1.6, 2.4, 3.2],
+                Scale::Factor { .. } => &[base[c], -1.2, 0.8, 1.6],
                 // A whole number has no slope in any case, and what the size does is as it is for the other sign.
                 Scale::Offset(_) if counted => &[0.5],
                 // Beside a shape the size must not vanish, or the shape has no slope.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{ALL, Channel, Effect, Need, Parameter, Scale, Scope, Stage};
+use super::{ALL, Above, Channel, Effect, Need, Parameter, Scale, Scope, Stage};
 
 /// The library in Markdown, one section per stage.
 #[must_use]
@@ -90,9 +90,14 @@ fn prior(parameter: &Parameter) -> String {
     let beside = if parameter.tolerance.is_some() { ", beside its tolerance" } else { "" };
     match parameter.scale {
         Scale::Offset(size) => format!("+- {}{beside}", sizes(size)),
-        Scale::Factor(size) => format!("x e^(+- {size}){beside}"),
-        Scale::FactorBelow(size) => format!("x e^(+- {size}), above 1 one in twenty{beside}"),
-        Scale::FactorUpTo { size, most } => format!("x e^(+- {size}), {most} at most{beside}"),
+        Scale::Factor { size, above } => {
+            let above = match above {
+                Above::AsBelow => String::new(),
+                Above::Seldom => ", above 1 one in twenty".to_owned(),
+                Above::UpTo(most) => format!(", {most} at most"),
+            };
+            format!("x e^(+- {size}){above}{beside}")
+        }
         Scale::Magnitude(size) => format!(">= 0, {}{beside}", sizes(size)),
         Scale::Part => format!("0 to 1{beside}"),
         Scale::Shape { middle, size } => format!("{middle} x e^(+- {size})"),

@@ -26,7 +26,7 @@ pub use listed::{Home, clock_drift, within_images};
 pub(crate) use listed::{check_listed, motor_laws};
 pub use measure::Measure;
 pub use model::{Drive, Model};
-pub use parameter::{Parameter, Scale, Size};
+pub use parameter::{Above, Parameter, Scale, Size};
 pub use tip::{Sight, TipModel, WhereKnown};
 pub use torque::{Shaft, TorqueModel};
 pub use view::View;

@@ -12,15 +12,11 @@ pub enum Scale {
     /// `size u`, 0 without the effect.
     Offset(Size),
     /// `exp(size u)`: a factor on the nominal value.
-    Factor(f64),
-    /// The same of what is below the nominal value where it is not as stated: above it is one in twenty.
-    FactorBelow(f64),
-    /// A factor of which more than so much would change nothing.
-    FactorUpTo {
+    Factor {
         /// Deviation of its logarithm.
         size: f64,
-        /// The largest.
-        most: f64,
+        /// What is believed of one above 1.
+        above: Above,
     },
     /// `size |u|`: cannot be negative, 0 without the effect.
     Magnitude(Size),
@@ -49,7 +45,24 @@ pub enum Scale {
     },
 }
 
+/// What is believed of a factor above 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Above {
+    /// It is as probable as one below.
+    AsBelow,
+    /// It is one in twenty: what is not as stated is less as a rule.
+    Seldom,
+    /// More than so much would change nothing.
+    UpTo(f64),
+}
+
 impl Scale {
+    /// A factor that is as probable above 1 as below, by the deviation of its logarithm.
+    #[must_use]
+    pub const fn factor(size: f64) -> Self {
+        Self::Factor { size, above: Above::AsBelow }
+    }
+
     /// Whether it is what the motion before a recording left: no number of the robot.
     #[must_use]
     pub fn is_state(self) -> bool {
@@ -65,7 +78,7 @@ impl Scale {
     /// Whether it is a factor on the nominal value.
     #[must_use]
     pub fn is_factor(self) -> bool {
-        matches!(self, Self::Factor(_) | Self::FactorBelow(_) | Self::FactorUpTo { .. })
+        matches!(self, Self::Factor { .. })
     }
 
     /// Whether the number says how large an effect is, as against what it is like.
@@ -81,10 +94,8 @@ impl Scale {
             Self::Magnitude(_) => [0.0, f64::INFINITY],
             Self::Part | Self::Moment => [0.0, 1.0],
             Self::State { size, most } => [-most / size, most / size],
-            Self::FactorUpTo { size, most } => [f64::NEG_INFINITY, most.ln() / size],
-            Self::Offset(_) | Self::Factor(_) | Self::FactorBelow(_) | Self::Shape { .. } | Self::Whole { .. } => {
-                [f64::NEG_INFINITY, f64::INFINITY]
-            }
+            Self::Factor { size, above: Above::UpTo(most) } => [f64::NEG_INFINITY, most.ln() / size],
+            Self::Offset(_) | Self::Factor { .. } | Self::Shape { .. } | Self::Whole { .. } => [f64::NEG_INFINITY, f64::INFINITY],
         }
     }
 
@@ -157,8 +168,7 @@ impl Parameter {
             Scale::Offset(size) => self.size(size, measure) * u,
             Scale::State { size, most } => (size * u).clamp(-most, most),
             Scale::Part => u.abs().min(largest),
-            Scale::Factor(size) | Scale::FactorBelow(size) => (size * u).exp(),
-            Scale::FactorUpTo { size, most } => (size * u).exp().min(most),
+            Scale::Factor { size, .. } => (size * u.min(largest)).exp(),
             Scale::Magnitude(size) => self.size(size, measure) * u.abs(),
             Scale::Shape { middle, size } => measure.times(self.unit) * middle * (size * u).exp(),
             Scale::Moment => u.clamp(least, largest),
@@ -175,7 +185,7 @@ impl Parameter {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => value / self.size(size, measure),
             Scale::State { size, .. } => value / size,
-            Scale::Factor(size) | Scale::FactorBelow(size) | Scale::FactorUpTo { size, .. } => value.ln() / size,
+            Scale::Factor { size, .. } => value.ln() / size,
             Scale::Shape { middle, size } => (value / (measure.times(self.unit) * middle)).ln() / size,
             Scale::Moment | Scale::Part => value,
             Scale::Whole { most } => {
@@ -190,9 +200,7 @@ impl Parameter {
     pub fn std(&self, u: f64, std: f64, measure: Measure) -> f64 {
         match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => self.size(size, measure) * std,
-            Scale::Factor(size) | Scale::FactorBelow(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => {
-                self.value(u, measure) * size * std
-            }
+            Scale::Factor { size, .. } | Scale::Shape { size, .. } => self.value(u, measure) * size * std,
             Scale::State { size, .. } => size * std,
             Scale::Moment | Scale::Part => std,
             Scale::Whole { .. } => 0.0,
@@ -205,11 +213,7 @@ impl Parameter {
         let tolerance = self.tolerance?(robot, place);
         Some(match self.scale {
             Scale::Offset(size) | Scale::Magnitude(size) => tolerance / self.size(size, measure),
-            Scale::Factor(size)
-            | Scale::FactorBelow(size)
-            | Scale::FactorUpTo { size, .. }
-            | Scale::Shape { size, .. }
-            | Scale::State { size, .. } => tolerance / size,
+            Scale::Factor { size, .. } | Scale::Shape { size, .. } | Scale::State { size, .. } => tolerance / size,
             Scale::Part | Scale::Moment | Scale::Whole { .. } => tolerance,
         })
     }
@@ -222,9 +226,7 @@ impl Parameter {
         /// And factors.
         const FACTOR: f64 = 1e4;
         let reach = match self.scale {
-            Scale::Factor(size) | Scale::FactorBelow(size) | Scale::FactorUpTo { size, .. } | Scale::Shape { size, .. } => {
-                REACH.min(FACTOR.ln() / size)
-            }
+            Scale::Factor { size, .. } | Scale::Shape { size, .. } => REACH.min(FACTOR.ln() / size),
             _ => REACH,
         };
         let [least, largest] = self.scale.limits_u();

@@ -73,13 +73,13 @@ fn values_range_to_the_very_most_that_there_is() {
         for parameter in sited.effect.parameters {
             let [low, high] = parameter.range(sited.measure);
             let ends = match parameter.scale {
-                Scale::FactorUpTo { most, .. } => [low, most],
+                Scale::Factor { above: Above::UpTo(most), .. } => [low, most],
                 Scale::State { most, .. } if most.is_finite() => [-most, most],
                 Scale::Part | Scale::Moment => [0.0, 1.0],
                 Scale::Whole { most } => [1.0, f64::from(most)],
                 Scale::Magnitude(_) => [0.0, high],
                 Scale::Offset(_) | Scale::State { .. } => [-high, high],
-                Scale::Factor(_) | Scale::FactorBelow(_) | Scale::Shape { .. } => [low.abs(), high],
+                Scale::Factor { .. } | Scale::Shape { .. } => [low.abs(), high],
             };
             assert_eq!([low, high], ends, "{} {}", sited.effect.id, parameter.name);
             assert!(parameter.usual(sited.measure).is_none_or(|usual| (low..=high).contains(&usual)) && low < high);

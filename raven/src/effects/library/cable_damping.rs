@@ -8,7 +8,7 @@ pub const EFFECT: Effect = Effect {
     scope: Scope::Joint,
     stage: Stage::Transmission,
     summary: "b_e times a factor",
-    parameters: &[Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.1), tolerance: Some(|robot, _| robot.tolerances.damping) }],
+    parameters: &[Parameter { name: "factor", unit: "1", scale: Scale::factor(1.1), tolerance: Some(|robot, _| robot.tolerances.damping) }],
     channels: &[Channel::Tip],
     needs: &[Need::Cable],
     element: Some(Element::Dashpot),

@@ -1,6 +1,6 @@
 //! A cable that is not as stiff as its data sheet has it: softer as a rule, as whatever it runs over gives way as well.
 
-use super::super::{Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Above, Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 use crate::robot::Cable;
 
 /// cable-stretch.
@@ -10,7 +10,12 @@ pub const EFFECT: Effect = Effect {
     stage: Stage::Transmission,
     summary: "k_e times a factor",
     parameters: &[
-        Parameter { name: "factor", unit: "1", scale: Scale::FactorBelow(1.4), tolerance: Some(|robot, _| robot.tolerances.stiffness) },
+        Parameter {
+            name: "factor",
+            unit: "1",
+            scale: Scale::Factor { size: 1.4, above: Above::Seldom },
+            tolerance: Some(|robot, _| robot.tolerances.stiffness),
+        },
         // A soft cable takes seconds to settle: 1 where it was without load until the recording began.
         Parameter { name: "fresh_part", unit: "1", scale: Scale::State { size: 0.7, most: f64::INFINITY }, tolerance: None },
     ],

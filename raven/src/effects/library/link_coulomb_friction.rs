@@ -1,10 +1,10 @@
 //! Dry friction at the joint.
 
-use super::super::{Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
+use super::super::{Above, Amount, Channel, Effect, Element, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 use crate::robot::ViscousCoulomb;
 
 /// Slope of friction at rest, over the model's own. One much steeper looks the same, and takes ever smaller steps.
-const SLOPE: Scale = Scale::FactorUpTo { size: 0.7, most: 2.0 };
+const SLOPE: Scale = Scale::Factor { size: 0.7, above: Above::UpTo(2.0) };
 
 /// link-coulomb-friction.
 pub const EFFECT: Effect = Effect {
@@ -13,7 +13,7 @@ pub const EFFECT: Effect = Effect {
     stage: Stage::Link,
     summary: "F_c times a factor",
     parameters: &[
-        Parameter { name: "factor", unit: "1", scale: Scale::Factor(1.3), tolerance: Some(|robot, _| robot.tolerances.link_friction) },
+        Parameter { name: "factor", unit: "1", scale: Scale::factor(1.3), tolerance: Some(|robot, _| robot.tolerances.link_friction) },
         // How friction fades towards rest is a law of its own, of which nobody knows the numbers.
         Parameter { name: "slope_factor", unit: "1", scale: SLOPE, tolerance: Some(|_, _| 0.7) },
         // Nor whether it holds a joint that rests: a dry bearing does, a wet one gives way.

@@ -12,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::Factor(0.3),
+        scale: Scale::factor(0.3),
         tolerance: Some(|robot, _| robot.tolerances.link_inertia),
     }],
     channels: &[Channel::Torque],

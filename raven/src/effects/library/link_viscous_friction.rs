@@ -11,7 +11,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::Factor(2.5),
+        scale: Scale::factor(2.5),
         tolerance: Some(|robot, _| robot.tolerances.link_friction),
     }],
     channels: &[Channel::Tip, Channel::Torque],

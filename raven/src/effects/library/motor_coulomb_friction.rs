@@ -11,7 +11,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::Factor(0.8),
+        scale: Scale::factor(0.8),
         tolerance: Some(|robot, _| robot.tolerances.motor_friction),
     }],
     channels: &[Channel::Torque],

@@ -11,7 +11,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::Factor(1.0),
+        scale: Scale::factor(1.0),
         tolerance: Some(|robot, _| robot.tolerances.motor_inertia),
     }],
     channels: &[Channel::Torque],

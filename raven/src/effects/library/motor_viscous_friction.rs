@@ -11,7 +11,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::Factor(1.4),
+        scale: Scale::factor(1.4),
         tolerance: Some(|robot, _| robot.tolerances.motor_friction),
     }],
     channels: &[Channel::Torque],

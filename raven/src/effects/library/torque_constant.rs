@@ -11,7 +11,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::Factor(0.15),
+        scale: Scale::factor(0.15),
         tolerance: Some(|robot, _| robot.tolerances.torque_gain),
     }],
     channels: &[Channel::Torque],
