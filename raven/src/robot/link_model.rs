@@ -64,6 +64,7 @@ impl Wound {
 }
 
 /// Rigid-body terms at one state.
+#[derive(Clone, Copy)]
 struct RigidBody {
     inverse_mass: Matrix3<f64>,
     bias: Vector3<f64>,
@@ -72,6 +73,22 @@ struct RigidBody {
 impl RigidBody {
     fn acceleration(&self, force: &Vector3<f64>) -> Vector3<f64> {
         self.inverse_mass * (force - self.bias)
+    }
+}
+
+/// Rigid-body terms that steps share: they change by parts in ten thousand meanwhile, and they take most of the time.
+#[derive(Clone, Copy)]
+pub(super) struct Shared {
+    body: Option<RigidBody>,
+    /// Time that they are shared over, and what is left of it [s].
+    over_s: f64,
+    left_s: f64,
+}
+
+impl Shared {
+    /// By steps within so much time [s], or within four milliseconds.
+    pub(super) fn over(time_s: f64) -> Self {
+        Self { body: None, over_s: time_s.min(RIGID_S), left_s: 0.0 }
     }
 }
 
@@ -186,24 +203,25 @@ impl LinkModel {
         LinkState { anchor: self.slid(&reached, &wound.after(step_s)), ..reached }
     }
 
-    /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within two milliseconds share
+    /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within four milliseconds share
     /// their rigid-body terms. A cable that stiffens asks for more steps the harder it is pulled: where they were too few, for finer ones.
     /// A state that is not finite stays as it is.
     #[must_use]
     pub fn advance(&self, state: LinkState, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, duration_s: f64) -> LinkState {
         let mut reached = state;
-        self.advance_along(&state, motor, motor_rate, duration_s, |_, state| reached = *state);
+        self.advance_along(&state, motor, motor_rate, duration_s, &mut Shared::over(duration_s), |_, state| reached = *state);
         reached
     }
 
-    /// As [`Self::advance`]; `pass` hears of the states at the start and after every two milliseconds or so, with the time since then [s], and
-    /// all over again where steps were too few.
+    /// As [`Self::advance`]; `pass` hears of the states at the start, where rigid-body terms are taken anew and at the end, with the time since
+    /// the start [s], and all over again where steps were too few.
     pub(super) fn advance_along(
         &self,
         state: &LinkState,
         motor: &Vector3<f64>,
         motor_rate: &Vector3<f64>,
         duration_s: f64,
+        shared: &mut Shared,
         mut pass: impl FnMut(f64, &LinkState),
     ) {
         let steps = |step_s: f64| (duration_s / step_s).ceil().max(1.0);
@@ -213,10 +231,14 @@ impl LinkModel {
             pass(duration_s, state);
             return;
         }
+        let wound = Wound::by(&self.arm.transmission, motor, motor_rate);
+        let before = *shared;
         for finer in FINER {
             let steps = (finer * coarse).min(most);
+            *shared = before;
             pass(0.0, state);
-            let reached = self.in_steps(state, motor, motor_rate, duration_s, steps, &mut pass);
+            let reached = self.in_steps(state, &wound, duration_s, steps, shared, &mut pass);
+            pass(duration_s, &reached);
             if reached.is_finite() || steps == most {
                 break;
             }
@@ -226,23 +248,30 @@ impl LinkModel {
     fn in_steps(
         &self,
         state: &LinkState,
-        motor: &Vector3<f64>,
-        motor_rate: &Vector3<f64>,
+        wound: &Wound,
         duration_s: f64,
         steps: f64,
+        shared: &mut Shared,
         pass: &mut impl FnMut(f64, &LinkState),
     ) -> LinkState {
         let mut state = *state;
-        let wound = Wound::by(&self.arm.transmission, motor, motor_rate);
         let step_s = duration_s / steps;
-        let (steps, sharing) = (steps as usize, (RIGID_S / step_s).round().max(1.0) as usize);
-        for first in (0..steps).step_by(sharing) {
-            let last = (first + sharing).min(steps);
-            let body = self.rigid_body_ahead(&state, 0.5 * (last - first) as f64 * step_s);
-            for i in first..last {
-                state = self.step_with(&body, &state, &wound.after(i as f64 * step_s), step_s);
-            }
-            pass(last as f64 * step_s, &state);
+        for i in 0..steps as usize {
+            let at_s = i as f64 * step_s;
+            let body = match shared.body {
+                // To the nearest step, however times round.
+                Some(body) if shared.left_s > 0.5 * step_s => body,
+                _ => {
+                    if i > 0 {
+                        pass(at_s, &state);
+                    }
+                    shared.left_s = shared.over_s;
+                    self.rigid_body_ahead(&state, 0.5 * shared.over_s)
+                }
+            };
+            shared.body = Some(body);
+            shared.left_s -= step_s;
+            state = self.step_with(&body, &state, &wound.after(at_s), step_s);
         }
         state
     }
@@ -304,7 +333,7 @@ const RUNGE_KUTTA_REACH: f64 = 2.2;
 const MOVES: f64 = 2.0;
 
 /// Time over which steps share their rigid-body terms [s].
-const RIGID_S: f64 = 2e-3;
+const RIGID_S: f64 = 4e-3;
 
 /// Longest step, and the shortest that is tried [s]: what asks for shorter ones does not stay finite, instead of taking for ever.
 const STEP_MAX_S: f64 = 1e-3;

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::link_model::Shared;
 use super::stiction::has_play;
 use super::{LinkModel, LinkState};
 
@@ -175,13 +176,14 @@ impl LinkModel {
 struct Rolling {
     /// The sample that it goes on from.
     interval: usize,
-    /// Where the links were at the sample before and every two milliseconds or so since, at times [s]; the last is at the one it goes on from.
+    /// Where the links were at the sample before and every four milliseconds at most since, at times [s]; the last is at the one it goes on from.
     path: Vec<(f64, LinkState)>,
+    shared: Shared,
 }
 
 impl Rolling {
     fn from(interval: usize, time_s: f64, state: LinkState) -> Self {
-        Self { interval, path: vec![(time_s, state)] }
+        Self { interval, path: vec![(time_s, state)], shared: Shared::over(f64::INFINITY) }
     }
 
     fn end_s(&self) -> f64 {
@@ -189,10 +191,10 @@ impl Rolling {
     }
 
     fn go_on(&mut self, links: &LinkModel, motor: &MotorTrack) {
-        let Self { interval, path } = self;
+        let Self { interval, path, shared } = self;
         let Some((_, state)) = path.pop() else { return };
         let (start_s, end_s) = (motor.time_s[*interval], motor.time_s[*interval + 1]);
-        links.advance_along(&state, &motor.angle[*interval], &motor.rate(*interval), end_s - start_s, |since_s, state| {
+        links.advance_along(&state, &motor.angle[*interval], &motor.rate(*interval), end_s - start_s, shared, |since_s, state| {
             if since_s == 0.0 {
                 path.clear();
             }
