@@ -27,8 +27,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::evidence::coordinates::ABSENT;
-use crate::evidence::fit::{Fitter, Hypothesis, gram};
-use crate::evidence::linear::dot;
+use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::linear::{dot, gram};
 use crate::evidence::outcome::Outcome;
 use crate::evidence::prior;
 use crate::evidence::rows::Links;

@@ -14,8 +14,8 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 use super::data::STRIDE_S;
-use super::fit::{Fitter, Hypothesis, gram};
-use super::linear::dot;
+use super::fit::{Fitter, Hypothesis};
+use super::linear::{dot, gram};
 
 /// Length of a block of torque samples, and of a bench's joints [s].
 pub const BLOCK_S: f64 = 2.0;

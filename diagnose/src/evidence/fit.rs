@@ -1,11 +1,7 @@
-//! The most probable numbers of one hypothesis: Levenberg-Marquardt on exact residuals with slopes of settled links.
+//! The most probable numbers of one hypothesis: a descent on exact residuals with slopes of settled links.
 //!
-//! ```text
-//! F(u) = |r(u)|^2 / 2 + |u / t|^2 / 2,   (J'J + L + m D) d = J' r - L u,   L = diag(t^-2), D = diag(J'J + L)
-//! ```
-//!
-//! (Nocedal and Wright 2006, chapter 10.) Slopes of the numbers that the nominal model has change little; they are carried over from
-//! step to step, and from another hypothesis where there is one.
+//! Slopes of the numbers that the nominal model has change little; they are carried over from step to step, and from another hypothesis where
+//! there is one.
 
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
@@ -14,7 +10,8 @@ use raven::stats::normal_cdf;
 use rayon::prelude::*;
 
 use super::coordinates::{Coordinates, MILDEST};
-use super::linear::{dot, evidence};
+use super::descent::Descent;
+use super::linear::{Quadratic, dot, evidence};
 use super::rows::{ALL, Links, Observed};
 use super::sizes;
 use super::slopes::{Column, Following, Slopes};
@@ -22,14 +19,9 @@ use super::slopes::{Column, Following, Slopes};
 /// Most steps of a fit, and of one that goes by slopes of rolled-out links where an effect is.
 const STEPS_MAX: usize = 20;
 const CLOSE_STEPS_MAX: usize = 8;
-/// A fit has converged when the next step promises, or the last one brought, less than this [nat], or than this part of the cost.
-const PROMISE_MIN: f64 = 0.05;
-const PART_MIN: f64 = 1e-4;
 /// Where a fit ends, slopes by how joints follow their cables, which go by all numbers, are taken anew as long as that brought so much the last
 /// time [nat]: without, the nominal model's fit stops up to twenty nats short.
 const RENEWED_MIN: f64 = 1.0;
-/// Damping at the start, and the most before a fit gives up: slopes of settled links do not promise more than they can keep.
-const DAMPING: [f64; 2] = [1e-4, 10.0];
 /// A number of the nominal model is strained if it is so many of its tolerances off.
 pub const STRAINED: f64 = 4.0;
 /// Farthest a number is moved at once, in units of the slab.
@@ -150,81 +142,43 @@ impl Fitter<'_> {
         effects.sort_unstable();
         let free = self.free(&effects);
         let precision = self.precision(&free, &effects);
-        let cost = |u: &[f64], residuals: &[f64]| cost(&free, &precision, u, residuals);
-        let mut u = start.to_vec();
-        let mut residuals = self.exact(&u)?;
-        let mut value = cost(&u, &residuals);
-        if !value.is_finite() {
-            return Ok(None);
-        }
+        let Some(mut at) = Descent::begun(self, &free, &precision, start)? else { return Ok(None) };
         let mut slopes = Slopes::begun(self, &effects, &free, start, like, following);
         let of_joints = slopes.of_joints();
         let steps = if following == Following::RolledOut { CLOSE_STEPS_MAX } else { STEPS_MAX };
-        let mut damping = DAMPING[0];
+        // What took more damping would take it again; slopes of rolled-out links cost more than such a step in vain.
+        let remembers = matches!(following, Following::Settled | Following::Held);
         let mut holds = following == Following::Held;
         let mut information = DMatrix::zeros(0, 0);
         // What the fit had come to when slopes were last taken anew, and whether they are to be.
         let (mut renewed, mut renews): (Option<f64>, bool) = (None, false);
         for _ in 0..steps {
-            slopes.take_anew(&u, renews)?;
+            slopes.take_anew(&at.u, renews)?;
             renews = false;
             let columns = slopes.columns();
-            let known: Vec<&[f64]> = columns.iter().map(|column| column.as_slice()).collect();
-            information = gram(&known);
-            let score = DVector::from_iterator(free.len(), known.iter().map(|column| dot(column, &residuals)));
-            let at = DVector::from_iterator(free.len(), free.iter().map(|&c| u[c]));
-            let mut gradient = score - precision.component_mul(&at);
-            let mut curvature = &information + DMatrix::from_diagonal(&precision);
+            let model = Quadratic::new(&columns.iter().map(|column| column.as_slice()).collect::<Vec<_>>(), &at.residuals);
+            let mut direction = at.direction(&model);
+            information = model.information;
             if holds {
-                for &k in &of_joints {
-                    gradient[k] = 0.0;
-                    curvature.row_mut(k).fill(0.0);
-                    curvature.column_mut(k).fill(0.0);
-                    curvature[(k, k)] = 1.0;
-                }
+                direction.hold(&of_joints);
             }
-            let Some(newton) = curvature.clone().cholesky() else { return Ok(None) };
-            let (before, begun_with) = (value, damping);
-            while 0.5 * gradient.dot(&newton.solve(&gradient)) > PROMISE_MIN.max(PART_MIN * value) && damping < DAMPING[1] {
-                let damped = &curvature + DMatrix::from_diagonal(&(curvature.diagonal() * damping));
-                let Some(step) = damped.cholesky().map(|factor| factor.solve(&gradient)) else { return Ok(None) };
-                let mut moved = u.clone();
-                for (k, &c) in free.iter().enumerate() {
-                    moved[c] = self.kept_inside(c, u[c], step[k]);
-                }
-                let there = self.exact(&moved)?;
-                let value_there = cost(&moved, &there);
-                if value_there < value {
-                    (u, residuals, value) = (moved, there, value_there);
-                    // What took more damping would take it again; slopes of rolled-out links cost more than such a step in vain.
-                    let took_more = damping > begun_with && matches!(following, Following::Settled | Following::Held);
-                    damping = (damping / if took_more { 3.0 } else { 30.0 }).max(1e-9);
-                    break;
-                }
-                damping *= 30.0;
+            let Some(gained) = at.step(&direction, remembers)? else { return Ok(None) };
+            if gained >= at.least() {
+                continue;
             }
-            if before - value < PROMISE_MIN.max(PART_MIN * value) {
-                if !holds && damping >= DAMPING[1] && !of_joints.is_empty() {
-                    // Slopes of settled links may promise what no step keeps, and keep the others from what they promise.
-                    (holds, damping) = (true, DAMPING[0]);
-                } else if renewed.is_none_or(|then| then - value > RENEWED_MIN) && slopes.are_old(&u) {
-                    (renewed, renews, damping) = (Some(value), true, DAMPING[0]);
-                } else {
-                    break;
-                }
+            if !holds && at.is_stuck() && !of_joints.is_empty() {
+                // Slopes of settled links may promise what no step keeps, and keep the others from what they promise.
+                holds = true;
+            } else if renewed.is_none_or(|then| then - at.cost > RENEWED_MIN) && slopes.are_old(&at.u) {
+                (renewed, renews) = (Some(at.cost), true);
+            } else {
+                break;
             }
+            at.loosen();
         }
-        for &c in &free {
-            let Some(nearest) = self.nearest_miscount(c, u[c]) else { continue };
-            let mut at_miscount = u.clone();
-            at_miscount[c] = nearest;
-            let there = self.exact(&at_miscount)?;
-            // What was believed of the moment beforehand does not matter.
-            if dot(&there, &there) <= dot(&residuals, &residuals) {
-                (value, u, residuals) = (cost(&at_miscount, &there), at_miscount, there);
-            }
-        }
-        let Some((evidence, covariance)) = evidence(&information, &precision, value) else { return Ok(None) };
+        at.settle_on_miscounts()?;
+        let Descent { u, residuals, cost, .. } = at;
+        let Some((evidence, covariance)) = evidence(&information, &precision, cost) else { return Ok(None) };
         let columns = slopes.columns();
         let mut hypothesis = Hypothesis { effects, u, free, covariance, evidence, residuals, columns };
         hypothesis.evidence += self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &|c| hypothesis.std(c));
@@ -233,7 +187,7 @@ impl Fitter<'_> {
 
     /// The moment next to that of a coordinate, if it is one, at which readings alone show a miscount: slopes know of it by what tips see before and
     /// after.
-    fn nearest_miscount(&self, c: usize, u: f64) -> Option<f64> {
+    pub(super) fn nearest_miscount(&self, c: usize, u: f64) -> Option<f64> {
         if !matches!(self.scale(c), Scale::Moment) {
             return None;
         }
@@ -296,19 +250,4 @@ where
 pub(super) fn cost(free: &[usize], precision: &DVector<f64>, u: &[f64], residuals: &[f64]) -> f64 {
     let prior: f64 = free.iter().zip(precision.iter()).map(|(&c, p)| p * u[c] * u[c]).sum();
     0.5 * (dot(residuals, residuals) + prior)
-}
-
-/// `J'J` of columns.
-#[must_use]
-pub fn gram(columns: &[&[f64]]) -> DMatrix<f64> {
-    let n = columns.len();
-    let mut information = DMatrix::zeros(n, n);
-    for a in 0..n {
-        for b in 0..=a {
-            let product = dot(columns[a], columns[b]);
-            information[(a, b)] = product;
-            information[(b, a)] = product;
-        }
-    }
-    information
 }

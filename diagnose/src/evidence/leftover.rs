@@ -10,8 +10,8 @@
 use nalgebra::{DVector, Vector3};
 use raven::stats::chi_square_quantile;
 
-use super::fit::{Fitter, Hypothesis, gram};
-use super::linear::{dot, evidence, minimum};
+use super::fit::{Fitter, Hypothesis};
+use super::linear::{Quadratic, dot, evidence};
 
 /// Variance over what was stated beyond which something remains: stated deviations of tips are good to some ten per cent.
 const REMAINS: f64 = 1.5;
@@ -106,13 +106,11 @@ impl Fitter<'_> {
         let weighted = |rows: &[f64]| leftover.weighted(rows, self.rows.tip_rows());
         let columns: Vec<Vec<f64>> = hypothesis.columns.iter().map(|column| weighted(column)).collect();
         let residuals = weighted(&hypothesis.residuals);
-        let information = gram(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>());
-        let score = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &residuals)));
-        let square = dot(&residuals, &residuals);
+        let model = Quadratic::new(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), &residuals);
         let at = DVector::from_iterator(columns.len(), hypothesis.free.iter().map(|&c| hypothesis.u[c]));
         let precision = self.precision(&hypothesis.free, &hypothesis.effects);
-        let best = minimum(&information, &score, square, &at, &precision);
-        let Some((found, covariance)) = best.and_then(|(_, cost)| evidence(&information, &precision, cost)) else {
+        let best = model.minimum(&at, &precision);
+        let Some((found, covariance)) = best.and_then(|(_, cost)| evidence(&model.information, &precision, cost)) else {
             return f64::NEG_INFINITY;
         };
         let std = |c: usize| hypothesis.free.iter().position(|&f| f == c).map_or(1.0, |k| covariance[(k, k)].sqrt());

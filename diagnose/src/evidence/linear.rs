@@ -29,27 +29,76 @@ pub fn evidence(information: &DMatrix<f64>, precision: &DVector<f64>, cost: f64)
     evidence.is_finite().then(|| (evidence, factor.inverse()))
 }
 
-/// The step to the minimum of a linear model from `u`, and the cost there. `score` is `J' r`, `square` is `r' r`.
+/// `J'J` of columns.
 #[must_use]
-pub fn minimum(
-    information: &DMatrix<f64>,
-    score: &DVector<f64>,
-    square: f64,
-    u: &DVector<f64>,
-    precision: &DVector<f64>,
-) -> Option<(DVector<f64>, f64)> {
-    let factor = (information + DMatrix::from_diagonal(precision)).cholesky()?;
-    let step = factor.solve(&(score - precision.component_mul(u)));
-    let left = square - 2.0 * step.dot(score) + step.dot(&(information * &step));
-    let moved = u + &step;
-    let prior = moved.component_mul(&moved).dot(precision);
-    Some((step, 0.5 * (left + prior)))
+pub fn gram(columns: &[&[f64]]) -> DMatrix<f64> {
+    let n = columns.len();
+    let mut information = DMatrix::zeros(n, n);
+    for a in 0..n {
+        for b in 0..=a {
+            let product = dot(columns[a], columns[b]);
+            information[(a, b)] = product;
+            information[(b, a)] = product;
+        }
+    }
+    information
+}
+
+/// What a step `d` makes of squared residuals where slopes hold: `|r - J d|^2 = r'r - 2 d' J'r + d' A d`.
+#[derive(Debug, Clone)]
+pub struct Quadratic {
+    /// `A = J'J`.
+    pub information: DMatrix<f64>,
+    /// `J'r`.
+    pub score: DVector<f64>,
+    /// `r'r`.
+    pub square: f64,
+}
+
+impl Quadratic {
+    /// Of slopes `J`, a column per number, and residuals `r`.
+    #[must_use]
+    pub fn new(columns: &[&[f64]], residuals: &[f64]) -> Self {
+        let score = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, residuals)));
+        Self { information: gram(columns), score, square: dot(residuals, residuals) }
+    }
+
+    /// The step to the minimum from `u`, and the cost there.
+    #[must_use]
+    pub fn minimum(&self, u: &DVector<f64>, precision: &DVector<f64>) -> Option<(DVector<f64>, f64)> {
+        let Self { information, score, square } = self;
+        let factor = (information + DMatrix::from_diagonal(precision)).cholesky()?;
+        let step = factor.solve(&(score - precision.component_mul(u)));
+        let left = square - 2.0 * step.dot(score) + step.dot(&(information * &step));
+        let moved = u + &step;
+        let prior = moved.component_mul(&moved).dot(precision);
+        Some((step, 0.5 * (left + prior)))
+    }
+
+    /// The same where the first numbers make a given step and the others the best of it.
+    #[must_use]
+    pub fn minimum_beside(&self, first: &DVector<f64>, u: &DVector<f64>, precision: &DVector<f64>) -> Option<(DVector<f64>, f64)> {
+        let (m, n) = (first.len(), u.len());
+        let block = |row: usize, column: usize| {
+            let length = |at: usize| if at == 0 { m } else { n - m };
+            self.information.view((row, column), (length(row), length(column))).into_owned()
+        };
+        let first_score = self.score.rows(0, m);
+        let others = Self {
+            information: block(m, m),
+            score: self.score.rows(m, n - m) - block(m, 0) * first,
+            square: self.square - 2.0 * first_score.dot(first) + first.dot(&(block(0, 0) * first)),
+        };
+        let moved = u.rows(0, m) + first;
+        let prior = 0.5 * moved.component_mul(&moved).dot(&precision.rows(0, m));
+        let (rest, cost) = others.minimum(&u.rows(m, n - m).into_owned(), &precision.rows(m, n - m).into_owned())?;
+        Some((DVector::from_iterator(n, first.iter().chain(rest.iter()).copied()), cost + prior))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::fit::gram;
     use approx::assert_relative_eq;
 
     #[test]
@@ -59,11 +108,10 @@ mod tests {
         let residuals = [0.7, -1.2, 0.4, 2.5];
         let t = [0.5, 2.0];
         let borrowed: Vec<&[f64]> = columns.iter().map(|c| c.as_slice()).collect();
-        let information = gram(&borrowed);
-        let score = DVector::from_iterator(2, borrowed.iter().map(|c| dot(c, &residuals)));
         let precision = DVector::from_iterator(2, t.iter().map(|t: &f64| t.powi(-2)));
-        let (_, cost) = minimum(&information, &score, dot(&residuals, &residuals), &DVector::zeros(2), &precision).unwrap();
-        let (found, _) = evidence(&information, &precision, cost).unwrap();
+        let model = Quadratic::new(&borrowed, &residuals);
+        let (_, cost) = model.minimum(&DVector::zeros(2), &precision).unwrap();
+        let (found, _) = evidence(&model.information, &precision, cost).unwrap();
         let mut covariance = DMatrix::<f64>::identity(4, 4);
         for (column, t) in columns.iter().zip(t) {
             let column = DVector::from_column_slice(column);
@@ -72,5 +120,32 @@ mod tests {
         let r = DVector::from_column_slice(&residuals);
         let density = -0.5 * (r.dot(&(covariance.clone().try_inverse().unwrap() * &r)) + covariance.determinant().ln());
         assert_relative_eq!(found, density, epsilon = 1e-10);
+    }
+
+    #[test]
+    fn numbers_beside_a_given_step_make_the_best_of_it() {
+        let columns = [[1.0, 0.5, -0.3, 0.2], [0.1, -1.0, 0.7, 2.0], [0.4, 0.4, 1.0, -0.6]];
+        let residuals = [0.7, -1.2, 0.4, 2.5];
+        let borrowed: Vec<&[f64]> = columns.iter().map(|c| c.as_slice()).collect();
+        let (u, precision) = (DVector::from_vec(vec![0.3, -0.2, 0.5]), DVector::from_vec(vec![2.0, 0.5, 1.0]));
+        let model = Quadratic::new(&borrowed, &residuals);
+        let (free, least) = model.minimum(&u, &precision).unwrap();
+        // The step that would have been made in any case.
+        let (same, cost) = model.minimum_beside(&DVector::from_element(1, free[0]), &u, &precision).unwrap();
+        assert_relative_eq!(same, free, epsilon = 1e-12);
+        assert_relative_eq!(cost, least, epsilon = 1e-12);
+        // Another: what is left of residuals and priors, by hand.
+        let (step, cost) = model.minimum_beside(&DVector::from_element(1, 0.8), &u, &precision).unwrap();
+        let cost_of = |step: &DVector<f64>| {
+            let left = (0..4).map(|k| (residuals[k] - (0..3).map(|c| columns[c][k] * step[c]).sum::<f64>()).powi(2)).sum::<f64>();
+            0.5 * (left + (0..3).map(|c| precision[c] * (u[c] + step[c]).powi(2)).sum::<f64>())
+        };
+        assert_eq!(step[0], 0.8);
+        assert_relative_eq!(cost, cost_of(&step), epsilon = 1e-12);
+        for (c, by) in [(1, 1e-3), (1, -1e-3), (2, 1e-3), (2, -1e-3)] {
+            let mut other = step.clone();
+            other[c] += by;
+            assert!(cost_of(&other) > cost);
+        }
     }
 }
