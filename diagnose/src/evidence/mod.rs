@@ -23,6 +23,7 @@ pub mod search;
 pub mod sizes;
 mod slopes;
 mod starts;
+mod tensions;
 pub mod tied;
 pub mod told;
 mod weighing;

@@ -1,13 +1,16 @@
 //! Whitened residuals of recordings against a model: three per tip, one per joint and torque sample.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Channel, Measure, Model, Need, Scale, Shaft, Sited, TipModel, TorqueModel};
+use raven::effects::{Channel, Measure, Model, Need, Scale, Shaft, Sited, TipModel, TorqueModel, WhereKnown};
 use raven::robot::stiction::stirred_s;
 use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 
 use super::data::{Data, STRIDE_S, WINDOW_S, miscounts};
+use super::tensions::Remembered;
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
 pub(super) const TORQUE_MODEL: f64 = 0.01;
@@ -54,6 +57,7 @@ pub struct Rows<'a> {
     step_min_s: f64,
     /// When each joint's encoder miscounts, as parts of a recording.
     miscounts: [Vec<f64>; 3],
+    tensions: Remembered,
 }
 
 /// How the links follow.
@@ -133,7 +137,8 @@ impl<'a> Rows<'a> {
         let whiten = data.iter().zip(&loose).map(whiten).collect();
         let miscounts = [0, 1, 2].map(|j| data.iter().flat_map(|data| miscounts(&data.motors, j, MISCOUNTS_MAX)).collect());
         let step_min_s = STEP_MIN * LinkModel::new(arm.clone()).step_max_s();
-        let mut rows = Self { robot, cameras, data, whiten, torque_weight: Vec::new(), loose, rubbing: arm, step_min_s, miscounts };
+        let (torque_weight, tensions) = (Vec::new(), Remembered::default());
+        let mut rows = Self { robot, cameras, data, whiten, torque_weight, loose, rubbing: arm, step_min_s, miscounts, tensions };
         rows.torque_weight = rows.weighed(&rows.rubbing);
         Ok(rows)
     }
@@ -226,19 +231,40 @@ impl Observed for Rows<'_> {
 
     fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
         let model = self.model(settings)?;
-        let [with_tip, with_torque] = ALL.map(|channel| channels.contains(&channel));
         let torque = TorqueModel::new(&model)?;
-        // A motion that does not stay finite explains nothing; slopes have nothing to say where there is no prediction.
-        let lost = if links == Links::RolledOut { f64::INFINITY } else { 0.0 };
-        let (mut tips, mut torques) = (Vec::with_capacity(self.tip_rows() + self.torque_rows()), Vec::with_capacity(self.torque_rows()));
-        for ((data, whiten), weights) in self.data.iter().zip(&self.whiten).zip(&self.torque_weight) {
+        let lost = || Ok(vec![f64::INFINITY; self.tip_rows() + self.torque_rows()]);
+        let mut rows = Vec::with_capacity(self.tip_rows() + self.torque_rows());
+        let tensions = if channels == [Channel::Torque] {
+            let take = |settings: &[Setting]| Ok(self.followed(&self.model(settings)?, links, channels)?.map(|(_, tensions)| tensions));
+            let Some(tensions) = self.tensions.or_take(settings, links, take)? else { return lost() };
+            tensions
+        } else {
+            let Some((seen, tensions)) = self.followed(&model, links, channels)? else { return lost() };
+            rows.extend(self.of_tips(&seen, links));
+            Arc::new(tensions)
+        };
+        rows.resize(self.tip_rows(), 0.0);
+        if channels.contains(&Channel::Torque) {
+            rows.extend(self.of_torques(&torque, &tensions));
+        }
+        rows.resize(self.tip_rows() + self.torque_rows(), 0.0);
+        Ok(rows)
+    }
+}
+
+impl Rows<'_> {
+    /// Per recording, tips as the cameras should see them and tensions of the cables, in the channels that are asked for; `None` where links take
+    /// too short a step to be followed.
+    fn followed(&self, model: &Model, links: Links, channels: &[Channel]) -> Result<Option<(Vec<WhereKnown>, Vec<WhereKnown>)>> {
+        let [with_tip, with_torque] = ALL.map(|channel| channels.contains(&channel));
+        let torque = TorqueModel::new(model)?;
+        let (mut tips, mut tensions) = (Vec::with_capacity(self.data.len()), Vec::with_capacity(self.data.len()));
+        for data in self.data {
             let sights = if with_tip { data.sights.as_slice() } else { &[] };
             let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
-            let tip = TipModel::new(&model, &data.motors)?;
-            let (seen, tensions) = match links {
-                Links::RolledOut if tip.step_max_s() < self.step_min_s => {
-                    return Ok(vec![f64::INFINITY; self.tip_rows() + self.torque_rows()]);
-                }
+            let tip = TipModel::new(model, &data.motors)?;
+            let (seen, tension) = match links {
+                Links::RolledOut if tip.step_max_s() < self.step_min_s => return Ok(None),
                 Links::RolledOut => tip.rolled_out(sights, shafts),
                 Links::Settled => {
                     let dragged = tip.dragged();
@@ -246,10 +272,31 @@ impl Observed for Rows<'_> {
                     (tip.settled(sights, &dragged), shafts.iter().map(tension).collect())
                 }
             };
-            for ((sight, whiten), seen) in sights.iter().zip(whiten).zip(seen) {
+            tips.push(seen);
+            tensions.push(tension);
+        }
+        Ok(Some((tips, tensions)))
+    }
+
+    /// Whitened measured tips less those that should be seen.
+    fn of_tips(&self, seen: &[WhereKnown], links: Links) -> Vec<f64> {
+        // A motion that does not stay finite explains nothing; slopes have nothing to say where there is no prediction.
+        let lost = if links == Links::RolledOut { f64::INFINITY } else { 0.0 };
+        let mut rows = Vec::with_capacity(self.tip_rows());
+        for ((data, whiten), seen) in self.data.iter().zip(&self.whiten).zip(seen) {
+            for ((sight, whiten), seen) in data.sights.iter().zip(whiten).zip(seen) {
                 let row = seen.map_or_else(Vector3::zeros, |seen| whiten * (sight.position_m - seen));
-                tips.extend(row.iter().map(|v| if v.is_finite() { *v } else { lost }));
+                rows.extend(row.iter().map(|v| if v.is_finite() { *v } else { lost }));
             }
+        }
+        rows
+    }
+
+    /// Whitened torques delivered less those needed while the cables pull.
+    fn of_torques(&self, torque: &TorqueModel, tensions: &[WhereKnown]) -> Vec<f64> {
+        let mut rows = Vec::with_capacity(self.torque_rows());
+        for ((data, weights), tensions) in self.data.iter().zip(&self.torque_weight).zip(tensions) {
+            let shafts = &data.shafts;
             let delivered: Vec<Vector3<f64>> = shafts.iter().map(|shaft| torque.delivered(&shaft.commanded)).collect();
             let per_delivered =
                 commanded_per_delivered(shafts.iter().map(|shaft| shaft.commanded.mean()).zip(delivered.iter().copied()), weights);
@@ -257,13 +304,10 @@ impl Observed for Rows<'_> {
                 let tension_n = tension.unwrap_or_else(|| torque.rigid_n(shaft));
                 let lacking = delivered - torque.needed(shaft, &tension_n);
                 let whitened = lacking.component_mul(weight).component_mul(&per_delivered);
-                torques.extend(whitened.zip_map(&torque.clipped(&shaft.commanded), with_clipping).iter());
+                rows.extend(whitened.zip_map(&torque.clipped(&shaft.commanded), with_clipping).iter());
             }
         }
-        tips.resize(self.tip_rows(), 0.0);
-        torques.resize(self.torque_rows(), 0.0);
-        tips.append(&mut torques);
-        Ok(tips)
+        rows
     }
 }
 
