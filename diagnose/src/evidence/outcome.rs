@@ -93,6 +93,13 @@ impl Outcome {
         }
     }
 
+    /// Goes on with the most probable hypothesis.
+    pub(super) fn choose(&mut self) {
+        if let Some((best, _)) = self.fitted.values().max_by(|a, b| self.score(&a.0, a.1).total_cmp(&self.score(&b.0, b.1))) {
+            self.best = best.clone();
+        }
+    }
+
     /// Takes in a hypothesis that has more evidence than what is known with the same effects.
     pub(crate) fn keep(&mut self, hypothesis: &Hypothesis) {
         let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |(h, _)| h.evidence);

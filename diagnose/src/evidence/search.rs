@@ -183,14 +183,19 @@ impl Fitter<'_> {
             self.look_closely(outcome)?;
             if outcome.compared.as_ref() != Some(&outcome.best.effects) {
                 self.hold_against_ties(outcome)?;
-                if !self.leaves_much(outcome) {
+                if !self.leaves_much(outcome) && !self.is_beyond_effects(outcome) {
                     self.hold_against_rivals(outcome)?;
                 }
                 outcome.compared = Some(outcome.best.effects.clone());
             }
         }
         self.temper(outcome);
-        Ok(())
+        self.hold_against_less(outcome)
+    }
+
+    /// Whether as many effects as there may be leave something: each is one in five then, whichever of its rivals it is.
+    fn is_beyond_effects(&self, outcome: &Outcome) -> bool {
+        outcome.best.effects.len() == EFFECTS_MAX && self.leftover(&outcome.best).remains()
     }
 
     /// Whether the best hypothesis explains little and leaves very much.

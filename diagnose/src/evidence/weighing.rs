@@ -5,9 +5,10 @@
 
 use std::collections::BTreeMap;
 
+use raven::Result;
 use rayon::prelude::*;
 
-use super::fit::{Fitter, Hypothesis};
+use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::outcome::Outcome;
 use super::paired;
 use super::prior;
@@ -76,9 +77,22 @@ impl Fitter<'_> {
         // What the screen promised of more effects than these rests on them.
         outcome.screened.retain(|effects, _| !gone.keys().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
         outcome.spurious = gone;
-        if let Some((best, _)) = outcome.fitted.values().max_by(|a, b| outcome.score(&a.0, a.1).total_cmp(&outcome.score(&b.0, b.1))) {
-            outcome.best = best.clone();
+        outcome.choose();
+    }
+
+    /// Fits what was found most probable without each of its effects, where that has not been done: what one is worth is what it is beyond that.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub(super) fn hold_against_less(&self, outcome: &mut Outcome) -> Result<()> {
+        let best = outcome.best.clone();
+        let is_known = |effects: &Vec<usize>| outcome.fitted.contains_key(effects) || outcome.spurious.contains_key(effects);
+        let unknown: Vec<usize> = best.effects.iter().copied().filter(|&effect| !is_known(&best.all_but(effect))).collect();
+        for less in side_by_side(&unknown, |&left_out| self.rest(outcome, &best, &[left_out]))? {
+            let evidence = self.tempered(&less, &outcome.leftover);
+            outcome.spurious.insert(less.effects, evidence);
         }
+        Ok(())
     }
 
     fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {

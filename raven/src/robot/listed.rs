@@ -9,7 +9,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::stiction::Behind;
+use super::friction::DryFriction;
+use super::stiction::{Behind, LOAD_S};
 use super::{Arm, MotorTrack, Transmission};
 
 /// One entry of `effects:`.
@@ -47,32 +48,50 @@ pub struct Cables<'a> {
 /// the cables are wound to, to move as their motors do, and to be dragged by friction at rest as the last motion left them.
 #[must_use]
 pub fn wound<'a>(laws: &[MotorLaw], arm: &Arm, recorded: &'a MotorTrack) -> Cow<'a, MotorTrack> {
-    let transmission = &arm.transmission;
-    let dragging = RefCell::new((f64::INFINITY, Behind::friction(arm)));
-    // A law hears of one time after the other: where it begins anew, so does what drags.
-    let drag_at = |time_s: f64, wound: &Vector3<f64>| {
-        let (last_s, behind) = &mut *dragging.borrow_mut();
-        if time_s <= *last_s {
-            *behind = Behind::friction(arm);
+    let carried = RefCell::new(Carried::new(arm, recorded));
+    let tension_n = |time_s: f64, wound: &Vector3<f64>| carried.borrow_mut().tension_n(time_s, wound);
+    let (transmission, stiffness_n) = (&arm.transmission, arm.cables.map(|cable| cable.stiffness));
+    wound_by(laws, &Cables { transmission, stiffness_n, tension_n: &tension_n }, recorded)
+}
+
+/// What the cables of an arm carry, from one time to the next.
+struct Carried<'a> {
+    arm: &'a Arm,
+    recorded: &'a MotorTrack,
+    dry: DryFriction,
+    behind: Behind<'a>,
+    last_s: f64,
+    /// When weight and motion were last looked at [s], and what they load the joints with but for dry friction [N m, N m, N].
+    weighed_s: f64,
+    load: Vector3<f64>,
+}
+
+impl<'a> Carried<'a> {
+    fn new(arm: &'a Arm, recorded: &'a MotorTrack) -> Self {
+        let [last_s, weighed_s] = [f64::NEG_INFINITY; 2];
+        Self { arm, recorded, dry: arm.dry_friction(), behind: Behind::friction(arm), last_s, weighed_s, load: Vector3::zeros() }
+    }
+
+    /// Tension differences [N] at a time [s], where the motors have wound the cables [rad].
+    fn tension_n(&mut self, time_s: f64, wound: &Vector3<f64>) -> Vector3<f64> {
+        // A law hears of one time after the other: another one begins anew.
+        if time_s <= self.last_s {
+            *self = Self::new(self.arm, self.recorded);
         }
-        *last_s = time_s;
-        behind.step(time_s, wound);
-        behind.drag
-    };
-    let tension_n = |time_s: f64, wound: &Vector3<f64>| {
-        let Some(motor) = recorded.steady(time_s) else { return Vector3::zeros() };
-        let [joint, rate, acceleration] = [
-            transmission.joint_from_motor(wound),
-            transmission.joint_rate_from_motor(&motor.rate),
-            transmission.joint_rate_from_motor(&motor.acceleration),
-        ];
-        let lifted = arm.dynamics.inverse(&joint, &rate, &acceleration);
-        let (tension_n, way) = (transmission.tension_n(&lifted), drag_at(time_s, wound));
-        let dry = arm.dry_friction().under(&tension_n);
-        let drag = |j: usize, _| dry[j] * way[j] + arm.link_friction[j].viscous * rate[j];
-        transmission.tension_n(&(lifted + Vector3::from_fn(drag)))
-    };
-    wound_by(laws, &Cables { transmission, stiffness_n: arm.cables.map(|cable| cable.stiffness), tension_n: &tension_n }, recorded)
+        self.last_s = time_s;
+        let transmission = &self.arm.transmission;
+        if time_s - self.weighed_s > LOAD_S {
+            let Some(motor) = self.recorded.steady(time_s) else { return Vector3::zeros() };
+            let [rate, acceleration] = [motor.rate, motor.acceleration].map(|of_motor| transmission.joint_rate_from_motor(&of_motor));
+            let lifted = self.arm.dynamics.inverse(&transmission.joint_from_motor(wound), &rate, &acceleration);
+            self.load = lifted + Vector3::from_fn(|j, _| self.arm.link_friction[j].viscous * rate[j]);
+            self.weighed_s = time_s;
+        }
+        self.behind.step(time_s, wound);
+        // Friction that grows with the cable's force goes by what it would be without.
+        let dry = self.dry.under(&transmission.tension_n(&self.load)).component_mul(&self.behind.drag);
+        transmission.tension_n(&(self.load + dry))
+    }
 }
 
 /// What laws make of recorded motors on cables.

@@ -20,7 +20,7 @@ use nalgebra::Vector3;
 use super::{Arm, MotorTrack, PAUSE_MAX_S};
 
 /// Time between two looks at the load [s]: no motion here changes it within.
-const LOAD_S: f64 = 0.01;
+pub(super) const LOAD_S: f64 = 0.01;
 /// The same where slopes are all that is wanted, and the time between two motor samples then.
 const LOAD_AT_REST_S: f64 = 0.05;
 const STEP_AT_REST_S: f64 = 0.008;
