@@ -61,15 +61,22 @@ struct Carried<'a> {
     dry: DryFriction,
     behind: Behind<'a>,
     last_s: f64,
-    /// When weight and motion were last looked at [s], and what they load the joints with but for dry friction [N m, N m, N].
-    weighed_s: f64,
-    load: Vector3<f64>,
+    /// What weight, motion and viscous friction load the joints with, about the time that was asked for last.
+    between: [Load; 2],
+}
+
+/// A load of the joints [N m, N m, N] at a time [s].
+#[derive(Clone, Copy)]
+struct Load {
+    time_s: f64,
+    joint_force: Vector3<f64>,
 }
 
 impl<'a> Carried<'a> {
     fn new(arm: &'a Arm, recorded: &'a MotorTrack) -> Self {
-        let [last_s, weighed_s] = [f64::NEG_INFINITY; 2];
-        Self { arm, recorded, dry: arm.dry_friction(), behind: Behind::friction(arm), last_s, weighed_s, load: Vector3::zeros() }
+        let never = Load { time_s: f64::NEG_INFINITY, joint_force: Vector3::zeros() };
+        let (dry, behind) = (arm.dry_friction(), Behind::friction(arm));
+        Self { arm, recorded, dry, behind, last_s: f64::NEG_INFINITY, between: [never; 2] }
     }
 
     /// Tension differences [N] at a time [s], where the motors have wound the cables [rad].
@@ -79,18 +86,35 @@ impl<'a> Carried<'a> {
             *self = Self::new(self.arm, self.recorded);
         }
         self.last_s = time_s;
-        let transmission = &self.arm.transmission;
-        if time_s - self.weighed_s > LOAD_S {
-            let Some(motor) = self.recorded.steady(time_s) else { return Vector3::zeros() };
-            let [rate, acceleration] = [motor.rate, motor.acceleration].map(|of_motor| transmission.joint_rate_from_motor(&of_motor));
-            let lifted = self.arm.dynamics.inverse(&transmission.joint_from_motor(wound), &rate, &acceleration);
-            self.load = lifted + Vector3::from_fn(|j, _| self.arm.link_friction[j].viscous * rate[j]);
-            self.weighed_s = time_s;
-        }
+        let Some(load) = self.load(time_s, wound) else { return Vector3::zeros() };
         self.behind.step(time_s, wound);
+        let transmission = &self.arm.transmission;
         // Friction that grows with the cable's force goes by what it would be without.
-        let dry = self.dry.under(&transmission.tension_n(&self.load)).component_mul(&self.behind.drag);
-        transmission.tension_n(&(self.load + dry))
+        let dry = self.dry.under(&transmission.tension_n(&load)).component_mul(&self.behind.drag);
+        transmission.tension_n(&(load + dry))
+    }
+
+    /// What the joints bear but for dry friction [N m, N m, N]: between two looks at it, which are [`LOAD_S`] apart. `None` where the motors are not
+    /// known.
+    fn load(&mut self, time_s: f64, wound: &Vector3<f64>) -> Option<Vector3<f64>> {
+        if time_s > self.between[1].time_s {
+            let before = self.between[1];
+            let from = if time_s - before.time_s < LOAD_S { before } else { self.looked_at(time_s, wound)? };
+            let ahead_s = from.time_s + LOAD_S;
+            let winds_by = self.recorded.at(ahead_s).zip(self.recorded.at(time_s)).map(|((ahead, _), (now, _))| ahead - now);
+            let ahead = winds_by.and_then(|by| self.looked_at(ahead_s, &(wound + by)));
+            self.between = [from, ahead.unwrap_or(Load { time_s: ahead_s, ..from })];
+        }
+        let [from, to] = self.between;
+        Some(from.joint_force.lerp(&to.joint_force, (time_s - from.time_s) / (to.time_s - from.time_s)))
+    }
+
+    fn looked_at(&self, time_s: f64, wound: &Vector3<f64>) -> Option<Load> {
+        let (motor, transmission) = (self.recorded.steady(time_s)?, &self.arm.transmission);
+        let [rate, acceleration] = [motor.rate, motor.acceleration].map(|of_motor| transmission.joint_rate_from_motor(&of_motor));
+        let lifted = self.arm.dynamics.inverse(&transmission.joint_from_motor(wound), &rate, &acceleration);
+        let viscous = Vector3::from_fn(|j, _| self.arm.link_friction[j].viscous * rate[j]);
+        Some(Load { time_s, joint_force: lifted + viscous })
     }
 }
 
