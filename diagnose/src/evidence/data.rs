@@ -10,8 +10,9 @@ use raven::robot::{MotorTrack, PAUSE_MAX_S};
 
 /// Window of the motors' smoothing [s]: a quadratic through it has the acceleration to 1 rad/s^2 beside encoder counts, and follows 4 Hz.
 pub const WINDOW_S: f64 = 0.07;
-/// Time between the motor samples that drive the links [s].
+/// Time between the motor samples that drive the links [s], and those without inertia.
 const MOTORS_S: f64 = 0.002;
+const MOTORS_AT_REST_S: f64 = 0.008;
 /// Most tips of a recording that are looked at: a tracker may see a hundred a second, and neighbours share what no model explains.
 const SIGHTS_MAX: usize = 3000;
 /// Period of the robot's controller [s]. A drive is half of it late: 0.5 ms of a fast motion are 1 % of its inertia's torque.
@@ -29,6 +30,8 @@ const JUMP_SAMPLES: usize = 20;
 pub struct Data {
     /// Motors.
     pub motors: MotorTrack,
+    /// The same as links without inertia need them: of fewer samples.
+    pub motors_at_rest: MotorTrack,
     /// Tips that were seen; of more than some thousand, evenly spaced ones.
     pub sights: Vec<Sight>,
     /// Drives; empty without torque.
@@ -66,15 +69,21 @@ impl Data {
             }
             _ => Vec::new(),
         };
-        Ok(Self { motors: thinned(&motors), sights, shafts })
+        Ok(Self::of(&motors, sights, shafts))
+    }
+
+    /// Of motors as they were recorded.
+    pub(super) fn of(motors: &MotorTrack, sights: Vec<Sight>, shafts: Vec<Shaft>) -> Self {
+        let [motors, motors_at_rest] = [MOTORS_S, MOTORS_AT_REST_S].map(|apart_s| thinned(motors, apart_s));
+        Self { motors, motors_at_rest, sights, shafts }
     }
 }
 
-/// Every so many samples that the links still follow: what drives them changes little within.
-fn thinned(motors: &MotorTrack) -> MotorTrack {
+/// Samples so far apart that the links still follow: what drives them changes little within.
+fn thinned(motors: &MotorTrack, apart_s: f64) -> MotorTrack {
     let mut thin = MotorTrack::default();
     for (k, (&time_s, angle)) in motors.time_s.iter().zip(&motors.angle).enumerate() {
-        let due = thin.time_s.last().is_none_or(|last| time_s - last > 0.9 * MOTORS_S);
+        let due = thin.time_s.last().is_none_or(|last| time_s - last > 0.9 * apart_s);
         if due || k + 1 == motors.time_s.len() {
             thin.time_s.push(time_s);
             thin.angle.push(*angle);

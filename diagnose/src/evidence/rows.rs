@@ -262,7 +262,8 @@ impl Rows<'_> {
         for data in self.data {
             let sights = if with_tip { data.sights.as_slice() } else { &[] };
             let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
-            let tip = TipModel::new(model, &data.motors)?;
+            let motors = if links == Links::RolledOut { &data.motors } else { &data.motors_at_rest };
+            let tip = TipModel::new(model, motors)?;
             let (seen, tension) = match links {
                 Links::RolledOut if tip.step_max_s() < self.step_min_s => return Ok(None),
                 Links::RolledOut => tip.rolled_out(sights, shafts),
@@ -415,7 +416,7 @@ mod tests {
             window_s: WINDOW_S,
         };
         let shafts = time_s[50..450].iter().step_by(20).map(shaft).collect();
-        let data = [Data { motors: MotorTrack { angle: vec![angle; time_s.len()], time_s }, sights: Vec::new(), shafts }];
+        let data = [Data::of(&MotorTrack { angle: vec![angle; time_s.len()], time_s }, Vec::new(), shafts)];
         let rows = Rows::new(&robot, None, &data).unwrap();
         let is_damper = |sited: &Sited| sited.effect.id == "cable-damping" && sited.place.first == 2;
         let damper = Sited::all(&robot).into_iter().find(is_damper).unwrap();
@@ -433,7 +434,7 @@ mod tests {
         let robot = nominal::gold();
         let angle = robot.arm().unwrap().transmission.motor_from_joint(&Vector3::new(0.8, 1.6, 0.35));
         let motors = MotorTrack { time_s: (0..500).map(|k| 1e-2 * f64::from(k)).collect(), angle: vec![angle; 500] };
-        let data = || Data { motors: motors.clone(), sights: Vec::new(), shafts: Vec::new() };
+        let data = || Data::of(&motors, Vec::new(), Vec::new());
         let miscount = Sited::all(&robot).into_iter().find(|sited| sited.effect.id == "missed-counts").unwrap();
         for (data, because) in [(vec![data()], None), (vec![data(), data()], Some("give each alone"))] {
             let rows = Rows::new(&robot, None, &data).unwrap();
@@ -466,7 +467,7 @@ mod tests {
             }
         };
         let shafts: Vec<Shaft> = (20..29_980).step_by(20).map(shaft).collect();
-        let data = [Data { motors: motors.clone(), sights: Vec::new(), shafts }];
+        let data = [Data::of(&motors, Vec::new(), shafts)];
         let rows = Rows::new(&robot, None, &data).unwrap();
         let first_s = [0, 1, 2].map(|j| {
             let counts = data[0].shafts.iter().zip(rows.torque_weights(0)).find(|(_, weight)| weight[j] > 0.0);

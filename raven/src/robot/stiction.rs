@@ -21,9 +21,8 @@ use super::{Arm, MotorTrack, PAUSE_MAX_S};
 
 /// Time between two looks at the load [s]: no motion here changes it within.
 pub(super) const LOAD_S: f64 = 0.01;
-/// The same where slopes are all that is wanted, and the time between two motor samples then.
+/// The same where slopes are all that is wanted.
 const LOAD_AT_REST_S: f64 = 0.05;
-const STEP_AT_REST_S: f64 = 0.008;
 
 /// Whether holding Coulomb friction makes a play of any joint.
 #[must_use]
@@ -35,7 +34,7 @@ pub fn has_play(arm: &Arm) -> bool {
 /// middle.
 #[must_use]
 pub fn behind_play(arm: &Arm, motor: &MotorTrack) -> MotorTrack {
-    Behind::play(arm).along(motor, 0.0).motors
+    Behind::play(arm).along(motor).motors
 }
 
 /// Joints without inertia, behind all their friction.
@@ -67,7 +66,7 @@ impl Dragged {
 /// they are damped.
 #[must_use]
 pub fn behind_friction(arm: &Arm, motor: &MotorTrack) -> Dragged {
-    Behind::friction(arm).along(motor, STEP_AT_REST_S)
+    Behind::friction(arm).along(motor)
 }
 
 /// When each joint has moved so far from its start that friction of `times` what it should be no longer keeps it where the past left it [s];
@@ -181,14 +180,10 @@ impl<'a> Behind<'a> {
         (self.rigid, self.last_s) = (rigid, time_s);
     }
 
-    /// All of a motion; samples closer than `step_s` are left out.
-    fn along(mut self, motor: &MotorTrack, step_s: f64) -> Dragged {
+    /// All of a motion.
+    fn along(mut self, motor: &MotorTrack) -> Dragged {
         let mut dragged = Dragged::default();
-        let end_s = motor.time_s.last().copied().unwrap_or_default();
         for (&time_s, angle) in motor.time_s.iter().zip(&motor.angle) {
-            if time_s - self.last_s < step_s && time_s < end_s {
-                continue;
-            }
             self.step(time_s, angle);
             dragged.motors.time_s.push(time_s);
             dragged.motors.angle.push(self.arm.transmission.motor_from_joint(&(self.rigid - self.behind_rigid + self.held.sag)));
