@@ -17,7 +17,7 @@ pub struct Outcome {
     pub leftover: Leftover,
     /// Every hypothesis that was fitted, by its effects, with its tempered evidence [nat].
     pub fitted: BTreeMap<Vec<usize>, (Hypothesis, f64)>,
-    /// Tempered evidence of those that were fitted and hold an effect that is not worth naming [nat].
+    /// Tempered evidence [nat] of those that were fitted and hold an effect that is not worth naming, or only to tell what another one is worth.
     pub spurious: BTreeMap<Vec<usize>, f64>,
     /// Tempered evidence, at most, of those that the screen gave up [nat].
     pub screened: BTreeMap<Vec<usize>, f64>,

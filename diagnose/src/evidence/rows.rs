@@ -402,6 +402,48 @@ mod tests {
 
     use super::*;
 
+    /// A recording without tips of joints that begin to swing at such times [s].
+    fn swinging(robot: &Robot, begins_s: [f64; 3], lasts_s: f64) -> Data {
+        const AMPLITUDES: [f64; 3] = [0.3, 0.3, 0.05];
+        let transmission = robot.arm().unwrap().transmission;
+        let swing = |t: f64, j: usize| AMPLITUDES[j] * (3.0 * (t - begins_s[j]).max(0.0)).sin();
+        let joint = |t: f64| Vector3::new(0.8, 1.6, 0.35) + Vector3::from_fn(|j, _| swing(t, j));
+        let time_s: Vec<f64> = (0..(lasts_s * 1e3) as usize).map(|k| 1e-3 * k as f64).collect();
+        let motors = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s };
+        let shaft = |k: usize| {
+            let [before, now, after] = [k - 1, k, k + 1].map(|k| motors.angle[k]);
+            let (rate, acceleration) = ((after - before) / 2e-3, (after - now * 2.0 + before) / 1e-6);
+            Shaft {
+                time_s: motors.time_s[k],
+                angle: now,
+                rate,
+                acceleration,
+                commanded: Command::steady(Vector3::repeat(0.01)),
+                window_s: WINDOW_S,
+            }
+        };
+        let shafts: Vec<Shaft> = (20..motors.time_s.len() - 20).step_by(20).map(shaft).collect();
+        Data::of(&motors, Vec::new(), shafts)
+    }
+
+    #[test]
+    fn tensions_are_remembered_for_what_leaves_them_as_they_are() {
+        let robot = nominal::gold();
+        let data = [swinging(&robot, [0.0; 3], 4.0)];
+        let rows = Rows::new(&robot, None, &data).unwrap();
+        let all = Sited::all(&robot);
+        let at = |sited: &Sited, u: f64| (*sited, vec![u; sited.effect.parameters.len()]);
+        let soft = at(all.iter().find(|sited| sited.effect.id == "cable-stretch" && sited.place.first == 1).unwrap(), -0.5);
+        for links in [Links::Settled, Links::RolledOut] {
+            for sited in all.iter().filter(|sited| sited.effect.channels.contains(&Channel::Torque)) {
+                for settings in [vec![at(sited, 0.6)], vec![soft.clone(), at(sited, 0.6)], vec![soft.clone()], Vec::new()] {
+                    let [alone, whole] = [&[Channel::Torque], ALL.as_slice()].map(|of| rows.residuals(&settings, links, of).unwrap());
+                    assert_eq!(alone, whole, "{} {} by {links:?}", sited.effect.id, settings.len());
+                }
+            }
+        }
+    }
+
     #[test]
     fn no_damper_is_followed_that_is_far_larger_than_any_of_the_library() {
         let robot = nominal::gold();
@@ -447,27 +489,8 @@ mod tests {
     fn torque_says_nothing_until_links_are_loose_from_where_friction_held_them() {
         // When each joint begins to swing [s]: the recording cannot spare the time until the insertion does.
         const BEGINS_S: [f64; 3] = [0.5, 2.0, 10.0];
-        const AMPLITUDES: [f64; 3] = [0.3, 0.3, 0.05];
         let robot = nominal::gold();
-        let transmission = robot.arm().unwrap().transmission;
-        let swing = |t: f64, j: usize| AMPLITUDES[j] * (3.0 * (t - BEGINS_S[j]).max(0.0)).sin();
-        let joint = |t: f64| Vector3::new(0.8, 1.6, 0.35) + Vector3::from_fn(|j, _| swing(t, j));
-        let time_s: Vec<f64> = (0..30_000).map(|k| 1e-3 * f64::from(k)).collect();
-        let motors = MotorTrack { angle: time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect(), time_s };
-        let shaft = |k: usize| {
-            let [before, now, after] = [k - 1, k, k + 1].map(|k| motors.angle[k]);
-            let (rate, acceleration) = ((after - before) / 2e-3, (after - now * 2.0 + before) / 1e-6);
-            Shaft {
-                time_s: motors.time_s[k],
-                angle: now,
-                rate,
-                acceleration,
-                commanded: Command::steady(Vector3::repeat(0.01)),
-                window_s: WINDOW_S,
-            }
-        };
-        let shafts: Vec<Shaft> = (20..29_980).step_by(20).map(shaft).collect();
-        let data = [Data::of(&motors, Vec::new(), shafts)];
+        let data = [swinging(&robot, BEGINS_S, 30.0)];
         let rows = Rows::new(&robot, None, &data).unwrap();
         let first_s = [0, 1, 2].map(|j| {
             let counts = data[0].shafts.iter().zip(rows.torque_weights(0)).find(|(_, weight)| weight[j] > 0.0);

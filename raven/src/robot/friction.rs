@@ -104,8 +104,8 @@ impl Friction {
         self.holding.per_tension != Vector3::zeros()
     }
 
-    /// What a joint's friction takes away at rest by speed [N m s/rad or N s/m], under such a tension difference of its cable [N].
-    pub(super) fn at_rest(&self, tension_n: &Vector3<f64>) -> Vector3<f64> {
+    /// Friction by speed at rest [N m s/rad, N m s/rad, N s/m], under such tension differences of the cables [N].
+    pub(super) fn by_speed_at_rest(&self, tension_n: &Vector3<f64>) -> Vector3<f64> {
         self.creeping(tension_n).component_mul(&self.per_stiction_speed) + self.viscous
     }
 }

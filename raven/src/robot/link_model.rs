@@ -350,7 +350,7 @@ fn fastest_pole(arm: &Arm, grip: &Grip, friction: &Friction, middle: &Vector3<f6
     let gravity = arm.dynamics.gravity(middle);
     // A cable that stiffens is stiffest, and friction by the load steepest, under the largest load.
     let load_n = (gravity.abs() + inertia * HARD_ACCELERATION).component_div(&arm.transmission.link_radius_m);
-    let rubbing = friction.at_rest(&load_n);
+    let rubbing = friction.by_speed_at_rest(&load_n);
     (0..3)
         .map(|j| {
             let radius2 = arm.transmission.link_radius_m[j].powi(2);
