@@ -26,6 +26,7 @@ mod starts;
 mod tensions;
 pub mod tied;
 pub mod told;
+pub mod torques;
 mod weighing;
 
 #[cfg(test)]

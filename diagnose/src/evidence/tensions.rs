@@ -27,8 +27,7 @@ struct Entry {
 }
 
 impl Remembered {
-    /// Tensions with effects built in, as they are remembered, or else taken with those that do not show in torque alone; `None` where links
-    /// cannot be followed.
+    /// Tensions with effects built in, as they are remembered for those that move links, or else taken; `None` where links cannot be followed.
     ///
     /// # Errors
     /// As `take`.
@@ -36,13 +35,13 @@ impl Remembered {
         &self,
         settings: &[Setting],
         links: Links,
-        take: impl FnOnce(&[Setting]) -> Result<Option<Vec<WhereKnown>>>,
+        take: impl FnOnce() -> Result<Option<Vec<WhereKnown>>>,
     ) -> Result<Option<Tensions>> {
         let key = Key::new(settings, links);
         if let Some(known) = self.known(&key) {
             return Ok(known.tensions);
         }
-        let tensions = take(&key.settings)?.map(Arc::new);
+        let tensions = take()?.map(Arc::new);
         self.remember(Entry { key, tensions: tensions.clone() });
         Ok(tensions)
     }

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 
 use super::{Command, Drive, Model};
 use crate::Result;
-use crate::robot::{Arm, Motor};
+use crate::robot::{Arm, DryFriction, Motor};
 
 /// Times that a cable's force and the friction that it causes are told each other; each adds a digit at a coefficient of a tenth.
 const PASSES: usize = 4;
@@ -106,6 +106,9 @@ fn averaged(phase: f64) -> f64 {
 pub struct TorqueModel {
     arm: Arm,
     shafts: Shafts,
+    dry: DryFriction,
+    /// Of links, by speed [N m s/rad, N m s/rad, N s/m].
+    viscous: Vector3<f64>,
 }
 
 impl TorqueModel {
@@ -115,7 +118,8 @@ impl TorqueModel {
     /// If the robot is no arm.
     pub fn new(model: &Model) -> Result<Self> {
         let arm = model.robot.arm()?;
-        Ok(Self { arm, shafts: Shafts::new(model) })
+        let viscous = Vector3::from_fn(|j, _| arm.link_friction[j].viscous);
+        Ok(Self { dry: arm.dry_friction(), viscous, arm, shafts: Shafts::new(model) })
     }
 
     /// What the drives deliver of a command [N m].
@@ -143,12 +147,11 @@ impl TorqueModel {
         let rate = transmission.joint_rate_from_motor(&shaft.rate);
         let (mass, bias) = self.arm.dynamics.mass_and_bias(&transmission.joint_from_motor(&shaft.angle), &rate);
         let load = mass * transmission.joint_rate_from_motor(&shaft.acceleration) + bias;
-        let dry = self.arm.dry_friction();
-        let viscous = Vector3::from_fn(|j, _| self.arm.link_friction[j].viscous * rate[j]);
-        let rubbing = |tension: &Vector3<f64>| dry.under(tension).component_mul(drag) + viscous;
+        let viscous = self.viscous.component_mul(&rate);
+        let rubbing = |tension: &Vector3<f64>| self.dry.under(tension).component_mul(drag) + viscous;
         let mut tension = transmission.tension_n(&load);
         // Friction that grows with the cable's force is part of what the cable bears.
-        for _ in 0..if self.arm.link_friction.iter().any(|friction| friction.per_load > 0.0) { PASSES } else { 1 } {
+        for _ in 0..if self.dry.grows() { PASSES } else { 1 } {
             tension = transmission.tension_n(&(load + rubbing(&tension)));
         }
         tension

@@ -25,6 +25,12 @@ impl DryFriction {
         self.coulomb + self.per_tension.component_mul(&tension_n.abs())
     }
 
+    /// Whether it grows with tension.
+    #[must_use]
+    pub fn grows(&self) -> bool {
+        self.per_tension != Vector3::zeros()
+    }
+
     fn part(&self, part: &Vector3<f64>) -> Self {
         Self { coulomb: self.coulomb.component_mul(part), per_tension: self.per_tension.component_mul(part) }
     }
@@ -101,7 +107,7 @@ impl Friction {
 
     /// Whether what holds goes by the cables' tension.
     pub(super) fn holds_by_tension(&self) -> bool {
-        self.holding.per_tension != Vector3::zeros()
+        self.holding.grows()
     }
 
     /// Friction by speed at rest [N m s/rad, N m s/rad, N s/m], under such tension differences of the cables [N].

@@ -13,9 +13,8 @@ use raven::{Error, Result};
 
 use super::clustered::BLOCK_S;
 use super::data::{STRIDE_S, WINDOW_S};
-use super::rows::{
-    CREEP_RAD_S, Links, Observed, SLOW, Setting, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, unlike_several, with_clipping,
-};
+use super::rows::{Links, Observed, Setting, unlike_several};
+use super::torques::{CREEP_RAD_S, SLOW, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping};
 pub use recorded::Recorded;
 pub(crate) use recorded::encoder_noise;
 pub use signs::Signs;
