@@ -96,6 +96,13 @@ pub trait Observed: Sync {
     /// # Errors
     /// If the robot does not fit the recordings.
     fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>>;
+
+    /// Residuals less others, in these channels, and zero elsewhere.
+    fn less(&self, residuals: &[f64], others: &[f64], channels: &[Channel]) -> Vec<f64> {
+        let channel = |row: usize| if row < self.tip_rows() { Channel::Tip } else { Channel::Torque };
+        let less = |(row, (r, other)): (usize, (&f64, &f64))| if channels.contains(&channel(row)) { r - other } else { 0.0 };
+        residuals.iter().zip(others).enumerate().map(less).collect()
+    }
 }
 
 /// Both channels.

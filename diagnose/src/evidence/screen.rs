@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
-use raven::effects::{Channel, Element};
+use raven::effects::Element;
 
 use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::linear::{Quadratic, dot, evidence};
@@ -113,13 +113,16 @@ impl Fitter<'_> {
         let unmoved = own.iter().all(|&c| u[c] == base.u[c]);
         let is_rolled_out = base.effects.is_empty() && (self.is_loose(effect) || self.shows_in_swings(effect));
         let links = if is_rolled_out { Links::RolledOut } else { Links::Settled };
+        let channels = self.channels_of(effect, links);
+        let at_point: &[f64] = if links == Links::Settled { &point.settled } else { &base.residuals };
+        let there = if unmoved { None } else { Some(self.rows.residuals(&self.coordinates.settings(&u), links, channels)?) };
         // The point's own slopes are of settled links.
         let slopes: Vec<Column> =
             match (unmoved && !is_rolled_out).then(|| own.iter().map(|c| base.free.iter().position(|f| f == c)).collect()) {
                 Some(Some(at)) => Vec::<usize>::into_iter(at).map(|k| base.columns[k].clone()).collect(),
-                _ => self.slopes(&u, &own, links)?,
+                _ => self.slopes_beside(&u, there.as_deref().unwrap_or(at_point), &own, links)?,
             };
-        let shift = if unmoved { None } else { Some(self.shift(point, &u, effect, links)?) };
+        let shift = there.map(|there| self.rows.less(&there, at_point, channels));
         let kept: Vec<usize> = (0..base.free.len()).filter(|&k| !own.contains(&base.free[k])).collect();
         let model = point.beside(&slopes, &kept, shift.as_deref());
         let mut effects = [base.effects.as_slice(), &[effect]].concat();
@@ -139,21 +142,6 @@ impl Fitter<'_> {
         let std = |c: usize| coordinates.iter().position(|&at| at == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
         let evidence = evidence + self.beyond_normal(&effects, &|c| u[c], &std) - point.promised;
         Ok(Some(Candidate { evidence, effects, start: u, doubt: point.promised.abs() }))
-    }
-
-    /// By how much residuals at `u` differ from those at the point, in channels that show an effect: by settled links, or by rolled-out ones, as
-    /// the point's own are.
-    fn shift(&self, point: &Point, u: &[f64], effect: usize, links: Links) -> Result<Vec<f64>> {
-        let channels = self.channels_of(effect, links);
-        let mut there = self.rows.residuals(&self.coordinates.settings(u), links, channels)?;
-        let here = if links == Links::Settled { &point.settled } else { &point.base.residuals };
-        let (tip, torque) = there.split_at_mut(self.rows.tip_rows());
-        let (tip_here, torque_here) = here.split_at(self.rows.tip_rows());
-        for (channel, there, here) in [(Channel::Tip, tip, tip_here), (Channel::Torque, torque, torque_here)] {
-            let shows = channels.contains(&channel);
-            there.iter_mut().zip(here).for_each(|(there, here)| *there = if shows { *there - here } else { 0.0 });
-        }
-        Ok(there)
     }
 
     /// Whether an effect lets a joint float, as backlash does: without a load it settles anywhere, and only rolled-out links say where it is.

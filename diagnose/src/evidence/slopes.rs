@@ -1,5 +1,6 @@
 //! Slopes of residuals by coordinates: by which links each is taken, and when a fit takes it anew.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use raven::Result;
@@ -151,25 +152,43 @@ impl Fitter<'_> {
     /// # Errors
     /// If the robot is no arm.
     pub fn slopes(&self, u: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
-        let slope = |&c: &usize| {
-            let coordinate = self.coordinates.all[c];
-            let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
-            let channels = self.channels_of(coordinate.effect, links);
-            if matches!(self.scale(c), Scale::Whole { .. }) {
-                return Ok(Arc::new(vec![0.0; self.rows.tip_rows() + self.rows.torque_rows()]));
-            }
-            let at = |value: f64| {
+        coordinates.par_iter().map(|&c| self.slope(u, None, c, links)).collect()
+    }
+
+    /// As [`Self::slopes`] for half the price and not as close: to one side of a point whose residuals are known.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub(super) fn slopes_beside(&self, u: &[f64], residuals: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
+        coordinates.par_iter().map(|&c| self.slope(u, Some(residuals), c, links)).collect()
+    }
+
+    fn slope(&self, u: &[f64], here: Option<&[f64]>, c: usize, links: Links) -> Result<Column> {
+        if matches!(self.scale(c), Scale::Whole { .. }) {
+            return Ok(Arc::new(vec![0.0; self.rows.tip_rows() + self.rows.torque_rows()]));
+        }
+        let coordinate = self.coordinates.all[c];
+        let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
+        let channels = self.channels_of(coordinate.effect, links);
+        // A magnitude has no other side of zero, and no state more than the motion could leave.
+        let [least, largest] = self.scale(c).limits_u();
+        let (from, to) = ((u[c] - step).max(least), (u[c] + step).min(largest));
+        let (from, to) = match here {
+            None => (from, to),
+            Some(_) if to > u[c] => (u[c], to),
+            Some(_) => (from, u[c]),
+        };
+        let at = |value: f64| match here {
+            Some(here) if value == u[c] => Ok(Cow::Borrowed(here)),
+            _ => {
                 let mut moved = u.to_vec();
                 moved[c] = value;
-                self.rows.residuals(&self.coordinates.settings(&moved), links, channels)
-            };
-            // A magnitude has no other side of zero, and no state more than the motion could leave.
-            let [least, largest] = self.scale(c).limits_u();
-            let (from, to) = ((u[c] - step).max(least), (u[c] + step).min(largest));
-            let (ahead, behind) = (at(to)?, at(from)?);
-            Ok(Arc::new(ahead.iter().zip(&behind).map(|(ahead, behind)| (behind - ahead) / (to - from)).collect()))
+                self.rows.residuals(&self.coordinates.settings(&moved), links, channels).map(Cow::Owned)
+            }
         };
-        coordinates.par_iter().map(slope).collect()
+        let mut slope = self.rows.less(&at(from)?, &at(to)?, channels);
+        slope.iter_mut().for_each(|slope| *slope /= to - from);
+        Ok(Arc::new(slope))
     }
 
     /// Whether a number of the nominal model is about how a joint of `effects` follows its cable, or any joint if the fit is to treat all;
