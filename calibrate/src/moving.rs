@@ -23,6 +23,9 @@ use crate::desync::Seen;
 
 /// How far around a sighting the motion must be known [s]: what the latency may turn out to be.
 const MARGIN_S: f64 = 0.1;
+/// Time between the motor samples that are taken in [s]. What lies between is read off straight lines: at 5 rad/s^2 of a joint they are 1e-5 rad
+/// off, and the laws of friction and hysteresis, which go through every sample, take most of a registration.
+const MOTORS_S: f64 = 0.004;
 
 /// One recording, with the marker followed.
 pub struct Moving {
@@ -114,7 +117,7 @@ impl Moving {
     /// If the recording has no motors.
     pub fn take(&self, cameras: &Cameras, base_from_left: &Isometry3<f64>, right_minus_left_s: f64) -> Result<Taken> {
         let motor = self.recording.require_motor()?;
-        let motion = Motion::new(self.recording.motor_track()?, motor.longest_joined_s())
+        let motion = Motion::new(self.recording.motor_track()?.thinned(MOTORS_S), motor.longest_joined_s())
             .ok_or_else(|| Error::file(&self.recording.path, "the log has a single robot message; a registration needs a motion."))?;
         let turn = base_from_left.rotation.to_rotation_matrix();
         let (mut sightings, mut seen) = (Vec::new(), Vec::new());

@@ -349,14 +349,22 @@ impl<'a> Problem<'a> {
         errors
     }
 
+    /// The flaw that is an unknown; `None` of the robot's. Predictions go straight by it.
+    fn flaw(&self, k: usize) -> Option<&Flaw> {
+        self.flaws.get(k.checked_sub(self.unknowns.len())?)
+    }
+
     fn derivatives(&self, z: &DVector<f64>, columns: &[usize], whiten: &[Matrix3<f64>]) -> Result<Jacobian> {
         let (swinging, resting): (Vec<usize>, Vec<usize>) = columns
             .iter()
             .partition(|k| matches!(self.joints, Joints::Rolling) && self.unknowns.get(**k).is_some_and(|u| u.quantity.is_dynamic()));
         let lag = self.lag(&Predictor::new(&self.robot(z))?);
         let at_rest = |z: &DVector<f64>| Ok(self.errors(&Predictor::new(&self.robot(z))?, &lag, z));
-        let mut slopes: BTreeMap<usize, Vec<Vector3<f64>>> =
-            resting.into_par_iter().map(|k| Ok((k, central_difference(at_rest, z, k)?))).collect::<Result<_>>()?;
+        let column = |k: usize| match self.flaw(k) {
+            Some(flaw) => Ok((k, flaw.clone())),
+            None => Ok((k, central_difference(at_rest, z, k)?)),
+        };
+        let mut slopes: BTreeMap<usize, Vec<Vector3<f64>>> = resting.into_par_iter().map(column).collect::<Result<_>>()?;
         if !swinging.is_empty() {
             slopes.extend(self.rolled_columns(z, &swinging)?);
         }

@@ -74,22 +74,9 @@ impl Data {
 
     /// Of motors as they were recorded.
     pub(super) fn of(motors: &MotorTrack, sights: Vec<Sight>, shafts: Vec<Shaft>) -> Self {
-        let [motors, motors_at_rest] = [MOTORS_S, MOTORS_AT_REST_S].map(|apart_s| thinned(motors, apart_s));
+        let [motors, motors_at_rest] = [MOTORS_S, MOTORS_AT_REST_S].map(|apart_s| motors.thinned(apart_s));
         Self { motors, motors_at_rest, sights, shafts }
     }
-}
-
-/// Samples so far apart that the links still follow: what drives them changes little within.
-fn thinned(motors: &MotorTrack, apart_s: f64) -> MotorTrack {
-    let mut thin = MotorTrack::default();
-    for (k, (&time_s, angle)) in motors.time_s.iter().zip(&motors.angle).enumerate() {
-        let due = thin.time_s.last().is_none_or(|last| time_s - last > 0.9 * apart_s);
-        if due || k + 1 == motors.time_s.len() {
-            thin.time_s.push(time_s);
-            thin.angle.push(*angle);
-        }
-    }
-    thin
 }
 
 /// Motors smoothed by a local quadratic, with the torque of the same window.

@@ -1,6 +1,9 @@
 //! A first look at every effect: evidence by slopes at one point, from several starts where an effect is not smooth. Slopes are those of settled
 //! links; beside no other effect, rolled-out ones take their place for effects that let a joint float, which takes fifty times as long.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use raven::Result;
 use raven::effects::Element;
@@ -10,6 +13,9 @@ use super::linear::{Quadratic, dot, evidence};
 use super::rows::{ALL, Links};
 use super::slopes::Column;
 use super::tied::has;
+
+/// Of an effect's starts so many are looked at by all of its slopes.
+const CLOSELY: usize = 4;
 
 /// A hypothesis as the screen saw it.
 #[derive(Debug, Clone)]
@@ -34,7 +40,21 @@ struct Point<'a> {
     promised: f64,
 }
 
+/// An effect where it is looked for.
+struct Start<'p> {
+    effect: usize,
+    /// All coordinates.
+    u: Vec<f64>,
+    links: Links,
+    /// There, in the channels that show the effect.
+    residuals: Cow<'p, [f64]>,
+}
+
 impl Point<'_> {
+    fn residuals(&self, links: Links) -> &[f64] {
+        if links == Links::Settled { &self.settled } else { &self.base.residuals }
+    }
+
     /// Of an effect's numbers by their slopes, before those of the point's numbers that are kept; residuals are shifted by where the effect starts.
     fn beside(&self, slopes: &[Column], kept: &[usize], shift: Option<&[f64]>) -> Quadratic {
         let Self { base, model, .. } = self;
@@ -94,8 +114,8 @@ impl Fitter<'_> {
         let beside: Vec<usize> = some.iter().copied().filter(|&effect| !has(&self.coordinates.sited, &base.effects, effect)).collect();
         let mut candidates = side_by_side(&beside, |&effect| {
             let mut best: Option<Candidate> = None;
-            for start in self.starts(effect, &base.u) {
-                let candidate = self.looked_at(&point, effect, &start)?;
+            for start in self.promising(&point, effect)? {
+                let candidate = self.looked_at(&point, start)?;
                 if let Some(candidate) = candidate.filter(|c| best.as_ref().is_none_or(|best| c.evidence > best.evidence)) {
                     best = Some(candidate);
                 }
@@ -106,42 +126,90 @@ impl Fitter<'_> {
         Ok(candidates)
     }
 
-    fn looked_at(&self, point: &Point, effect: usize, start: &[f64]) -> Result<Option<Candidate>> {
+    /// Where to look for an effect: where it promises most by its size alone, which is believed to act as it does over the whole way there.
+    fn promising<'p>(&self, point: &'p Point, effect: usize) -> Result<Vec<Start<'p>>> {
+        let begun: Result<Vec<Start>> =
+            self.starts(effect, &point.base.u).iter().map(|start| self.begun_at(point, effect, start)).collect();
+        let starts = begun?;
+        let sizes: Vec<usize> = self.coordinates.sizes(effect).collect();
+        let is_shaped = self.coordinates.of(effect).count() > 1;
+        let (&[size], true) = (sizes.as_slice(), is_shaped && starts.len() > CLOSELY) else { return Ok(starts) };
+        let mut by_size: Vec<(f64, Start)> =
+            starts.into_iter().map(|start| (self.promised_by_size(point, &start, size).unwrap_or(f64::NEG_INFINITY), start)).collect();
+        by_size.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        Ok(by_size.into_iter().take(CLOSELY).map(|(_, start)| start).collect())
+    }
+
+    fn begun_at<'p>(&self, point: &'p Point, effect: usize, start: &[f64]) -> Result<Start<'p>> {
         let base = point.base;
-        let own: Vec<usize> = self.coordinates.of(effect).collect();
-        let mut u = self.placing(&base.u, effect, start);
-        let unmoved = own.iter().all(|&c| u[c] == base.u[c]);
+        let u = self.placing(&base.u, effect, start);
         let is_rolled_out = base.effects.is_empty() && (self.is_loose(effect) || self.shows_in_swings(effect));
         let links = if is_rolled_out { Links::RolledOut } else { Links::Settled };
-        let channels = self.channels_of(effect, links);
-        let at_point: &[f64] = if links == Links::Settled { &point.settled } else { &base.residuals };
-        let there = if unmoved { None } else { Some(self.rows.residuals(&self.coordinates.settings(&u), links, channels)?) };
+        let residuals = if u == base.u {
+            Cow::Borrowed(point.residuals(links))
+        } else {
+            Cow::Owned(self.rows.residuals(&self.coordinates.settings(&u), links, self.channels_of(effect, links))?)
+        };
+        Ok(Start { effect, u, links, residuals })
+    }
+
+    /// Evidence of an effect if its residuals go straight from the point to the start as its size does.
+    fn promised_by_size(&self, point: &Point, start: &Start, size: usize) -> Option<f64> {
+        let from = point.base.u[size];
+        let over = start.u[size] - from;
+        let channels = self.channels_of(start.effect, start.links);
+        let mut slope = self.rows.less(point.residuals(start.links), &start.residuals, channels);
+        slope.iter_mut().for_each(|slope| *slope /= over);
+        let mut u = start.u.clone();
+        u[size] = from;
+        Some(self.weighed(point, start.effect, u, &[size], &[Arc::new(slope)], None)?.evidence)
+    }
+
+    fn looked_at(&self, point: &Point, start: Start) -> Result<Option<Candidate>> {
+        let Start { effect, u, links, residuals } = start;
+        let base = point.base;
+        let own: Vec<usize> = self.coordinates.of(effect).collect();
+        let unmoved = u == base.u;
         // The point's own slopes are of settled links.
         let slopes: Vec<Column> =
-            match (unmoved && !is_rolled_out).then(|| own.iter().map(|c| base.free.iter().position(|f| f == c)).collect()) {
+            match (unmoved && links == Links::Settled).then(|| own.iter().map(|c| base.free.iter().position(|f| f == c)).collect()) {
                 Some(Some(at)) => Vec::<usize>::into_iter(at).map(|k| base.columns[k].clone()).collect(),
-                _ => self.slopes_beside(&u, there.as_deref().unwrap_or(at_point), &own, links)?,
+                _ => self.slopes_beside(&u, &residuals, &own, links)?,
             };
-        let shift = there.map(|there| self.rows.less(&there, at_point, channels));
-        let kept: Vec<usize> = (0..base.free.len()).filter(|&k| !own.contains(&base.free[k])).collect();
-        let model = point.beside(&slopes, &kept, shift.as_deref());
+        let shift = (!unmoved).then(|| self.rows.less(&residuals, point.residuals(links), self.channels_of(effect, links)));
+        Ok(self.weighed(point, effect, u, &own, &slopes, shift.as_deref()))
+    }
+
+    /// An effect at its best near `u` by slopes of its `own` numbers, beside all that the point has free.
+    fn weighed(
+        &self,
+        point: &Point,
+        effect: usize,
+        mut u: Vec<f64>,
+        own: &[usize],
+        slopes: &[Column],
+        shift: Option<&[f64]>,
+    ) -> Option<Candidate> {
+        let base = point.base;
+        let is_other = |&k: &usize| self.coordinates.all[base.free[k]].effect != effect;
+        let kept: Vec<usize> = (0..base.free.len()).filter(is_other).collect();
+        let model = point.beside(slopes, &kept, shift);
         let mut effects = [base.effects.as_slice(), &[effect]].concat();
         effects.sort_unstable();
         let coordinates: Vec<usize> = own.iter().copied().chain(kept.iter().map(|&k| base.free[k])).collect();
         let precision = self.precision(&coordinates, &effects);
         let at = DVector::from_iterator(coordinates.len(), coordinates.iter().map(|&c| u[c]));
-        let Some((free_step, free_cost)) = model.minimum(&at, &precision) else { return Ok(None) };
+        let (free_step, free_cost) = model.minimum(&at, &precision)?;
         // The effect's own numbers go as far as they may, the others make the best of it.
         let inside =
             DVector::from_iterator(own.len(), own.iter().enumerate().map(|(a, &c)| self.kept_inside(c, u[c], free_step[a]) - u[c]));
         let is_bounded = inside.iter().zip(free_step.iter()).any(|(step, free)| (step - free).abs() > 1e-9);
-        let bounded = if is_bounded { model.minimum_beside(&inside, &at, &precision) } else { Some((free_step, free_cost)) };
-        let Some((step, cost)) = bounded else { return Ok(None) };
-        let Some((evidence, covariance)) = evidence(&model.information, &precision, cost) else { return Ok(None) };
+        let (step, cost) = if is_bounded { model.minimum_beside(&inside, &at, &precision)? } else { (free_step, free_cost) };
+        let (evidence, covariance) = evidence(&model.information, &precision, cost)?;
         coordinates.iter().zip(step.iter()).for_each(|(&c, step)| u[c] = self.kept_inside(c, u[c], *step));
         let std = |c: usize| coordinates.iter().position(|&at| at == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
         let evidence = evidence + self.beyond_normal(&effects, &|c| u[c], &std) - point.promised;
-        Ok(Some(Candidate { evidence, effects, start: u, doubt: point.promised.abs() }))
+        Some(Candidate { evidence, effects, start: u, doubt: point.promised.abs() })
     }
 
     /// Whether an effect lets a joint float, as backlash does: without a load it settles anywhere, and only rolled-out links say where it is.

@@ -45,6 +45,20 @@ impl MotorTrack {
         joined.flat_map(move |pair| strides(pair[0]) + 1..=strides(pair[1])).map(move |k| start_s + k as f64 * stride_s)
     }
 
+    /// Samples at least so far apart, less a tenth for stamps that come early, and the last one.
+    #[must_use]
+    pub fn thinned(&self, apart_s: f64) -> Self {
+        let mut thin = Self::default();
+        for (k, (&time_s, angle)) in self.time_s.iter().zip(&self.angle).enumerate() {
+            let due = thin.time_s.last().is_none_or(|last| time_s - last > 0.9 * apart_s);
+            if due || k + 1 == self.time_s.len() {
+                thin.time_s.push(time_s);
+                thin.angle.push(*angle);
+            }
+        }
+        thin
+    }
+
     /// The sample interval that holds `time_s`: index of its start; `None` outside the track and in pauses.
     #[must_use]
     pub fn interval(&self, time_s: f64) -> Option<usize> {
