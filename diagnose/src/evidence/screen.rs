@@ -134,8 +134,7 @@ impl Fitter<'_> {
         let sizes: Vec<usize> = self.coordinates.sizes(effect).collect();
         let is_shaped = self.coordinates.of(effect).count() > 1;
         let (&[size], true) = (sizes.as_slice(), is_shaped && starts.len() > CLOSELY) else { return Ok(starts) };
-        let mut by_size: Vec<(f64, Start)> =
-            starts.into_iter().map(|start| (self.promised_by_size(point, &start, size).unwrap_or(f64::NEG_INFINITY), start)).collect();
+        let mut by_size: Vec<(f64, Start)> = starts.into_iter().map(|start| (self.promised_by_size(point, &start, size), start)).collect();
         by_size.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         Ok(by_size.into_iter().take(CLOSELY).map(|(_, start)| start).collect())
     }
@@ -153,16 +152,21 @@ impl Fitter<'_> {
         Ok(Start { effect, u, links, residuals })
     }
 
-    /// Evidence of an effect if its residuals go straight from the point to the start as its size does.
-    fn promised_by_size(&self, point: &Point, start: &Start, size: usize) -> Option<f64> {
+    /// Evidence of an effect if its residuals go straight from the point to the start as its size does; infinite if it is the size of the point, which
+    /// says nothing of how far it is worth going.
+    fn promised_by_size(&self, point: &Point, start: &Start, size: usize) -> f64 {
         let from = point.base.u[size];
         let over = start.u[size] - from;
+        if over == 0.0 {
+            return f64::INFINITY;
+        }
         let channels = self.channels_of(start.effect, start.links);
         let mut slope = self.rows.less(point.residuals(start.links), &start.residuals, channels);
         slope.iter_mut().for_each(|slope| *slope /= over);
         let mut u = start.u.clone();
         u[size] = from;
-        Some(self.weighed(point, start.effect, u, &[size], &[Arc::new(slope)], None)?.evidence)
+        let seen = self.weighed(point, start.effect, u, &[size], &[Arc::new(slope)], None);
+        seen.map_or(f64::NEG_INFINITY, |seen| seen.evidence)
     }
 
     fn looked_at(&self, point: &Point, start: Start) -> Result<Option<Candidate>> {

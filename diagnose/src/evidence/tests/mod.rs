@@ -1,5 +1,7 @@
 //! The search on recordings made of nothing but what is tested.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use raven::Result;
 use raven::effects::{Channel, Sited};
 use raven::robot::{Robot, nominal};
@@ -338,6 +340,47 @@ fn what_is_told_is_looked_for_from_every_start() {
     let (told, gain) = Fitter::new(&rows, &coordinates).told(&[0]).unwrap().unwrap();
     approx::assert_relative_eq!(told.u[0], 1.4, epsilon = 0.05);
     assert!(gain > 100.0, "{gain}");
+}
+
+#[test]
+fn a_shape_is_found_by_a_first_look_without_all_slopes_at_every_start() {
+    for force in [-1.0, 0.0, 1.0] {
+        // Slip of one slab, whose force says how.
+        let evaluated = AtomicUsize::new(0);
+        let rows = Seen::new(&[("cable-slip", [1, 0])], |numbers: &[Option<&[f64]>], _| {
+            evaluated.fetch_add(1, Ordering::Relaxed);
+            let (found, size) = numbers[0].map_or((0.0, 0.0), |u| (u[0], u[1]));
+            tips(|k| (k * (2.0 + force)).sin() - size * (k * (2.0 + found)).sin())
+        });
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let point = fitter.at_nominal().unwrap().unwrap();
+        let starts = fitter.starts(0, &point.u).len();
+        evaluated.store(0, Ordering::Relaxed);
+        let candidate = fitter.screen(&point, 0.0).unwrap().remove(0);
+        approx::assert_relative_eq!(candidate.start[0], force, epsilon = 1e-3);
+        // Each start once, and its four slopes at few.
+        assert!(evaluated.into_inner() < 3 * starts);
+    }
+}
+
+#[test]
+fn slopes_to_one_side_are_those_to_both_where_nothing_bends() {
+    let rows = Seen::new(&[("cable-slip", [1, 0])], |numbers: &[Option<&[f64]>], _| {
+        let slip = numbers[0].map_or(0.0, |u| u.iter().zip([0.3, 1.0, -0.2, 0.5]).map(|(u, by)| u * by).sum::<f64>());
+        tips(|k| k.cos() - slip * k.sin())
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let all: Vec<usize> = (0..coordinates.all.len()).collect();
+    let u = fitter.placing(&fitter.nowhere(), 0, &[0.5, 1.0, -0.5, 0.3]);
+    let here = rows.residuals(&coordinates.settings(&u), Links::Settled, &[Channel::Tip]).unwrap();
+    let both = fitter.slopes(&u, &all, Links::Settled).unwrap();
+    let one_side = fitter.slopes_beside(&u, &here, &all, Links::Settled).unwrap();
+    for (one, both) in one_side.iter().zip(&both) {
+        assert!(one.iter().any(|slope| slope.abs() > 0.1));
+        one.iter().zip(both.iter()).for_each(|(one, both)| approx::assert_abs_diff_eq!(one, both, epsilon = 1e-9));
+    }
 }
 
 #[test]
