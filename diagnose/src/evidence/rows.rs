@@ -12,7 +12,7 @@ use super::data::{Data, miscounts};
 use super::tensions::Remembered;
 use super::torques::{Loose, commanded_per_delivered, dry_friction, torque_weights, with_clipping};
 
-/// How many times the dry friction that was assumed makes a difference to that.
+/// How many times the dry friction that was assumed makes a difference to how far torque is in doubt near rest.
 const MORE_FRICTION: f64 = 1.5;
 
 /// Shortest step that a hypothesis may ask of the links, as a part of the nominal model's. The library's dampers go to ten times the file's; a fit

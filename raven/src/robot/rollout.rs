@@ -321,6 +321,20 @@ mod tests {
     }
 
     #[test]
+    fn thinned_samples_are_as_far_apart_as_they_should_be_and_reach_as_far() {
+        let time_s: Vec<f64> = (0..1000).map(|k| 1e-3 * (f64::from(k) + 0.3 * f64::from(k % 7) / 7.0)).collect();
+        let angle = time_s.iter().map(|&t| Vector3::repeat(t)).collect();
+        let all = MotorTrack { angle, time_s };
+        let thin = all.thinned(4e-3);
+        assert_eq!([thin.time_s.first(), thin.time_s.last()], [all.time_s.first(), all.time_s.last()]);
+        assert!((245..=255).contains(&thin.time_s.len()), "{}", thin.time_s.len());
+        let apart: Vec<f64> = thin.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        assert!(apart[..apart.len() - 1].iter().all(|apart| (3.6e-3..5e-3).contains(apart)), "{apart:?}");
+        assert!(thin.time_s.iter().zip(&thin.angle).all(|(&time_s, angle)| *angle == Vector3::repeat(time_s)));
+        assert_eq!(MotorTrack::default().thinned(4e-3), MotorTrack::default());
+    }
+
+    #[test]
     fn strides_stop_where_samples_do() {
         // A tenth of a second of samples, fifty years later another.
         let far_s = 1.6e9;
