@@ -107,7 +107,7 @@ pub struct TorqueModel {
     arm: Arm,
     shafts: Shafts,
     dry: DryFriction,
-    /// Of links, by speed [N m s/rad, N m s/rad, N s/m].
+    /// See [`Arm::viscous_friction`].
     viscous: Vector3<f64>,
 }
 
@@ -118,8 +118,7 @@ impl TorqueModel {
     /// If the robot is no arm.
     pub fn new(model: &Model) -> Result<Self> {
         let arm = model.robot.arm()?;
-        let viscous = Vector3::from_fn(|j, _| arm.link_friction[j].viscous);
-        Ok(Self { dry: arm.dry_friction(), viscous, arm, shafts: Shafts::new(model) })
+        Ok(Self { dry: arm.dry_friction(), viscous: arm.viscous_friction(), arm, shafts: Shafts::new(model) })
     }
 
     /// What the drives deliver of a command [N m].

@@ -46,6 +46,12 @@ impl Arm {
         }
     }
 
+    /// Friction of the joints by speed [N m s/rad, N m s/rad, N s/m].
+    #[must_use]
+    pub fn viscous_friction(&self) -> Vector3<f64> {
+        Vector3::from_fn(|j, _| self.link_friction[j].viscous)
+    }
+
     /// Speed of a joint below which its Coulomb friction fades [rad/s or m/s].
     #[must_use]
     pub fn stiction_speed(&self, j: usize) -> f64 {
@@ -86,7 +92,7 @@ impl Friction {
             creeping: dry.part(&held.map(|held| 1.0 - held)),
             holding: dry.part(&held),
             per_stiction_speed: arm.per_stiction_speed(),
-            viscous: Vector3::from_fn(|j, _| arm.link_friction[j].viscous),
+            viscous: arm.viscous_friction(),
         }
     }
 

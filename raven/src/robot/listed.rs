@@ -113,8 +113,7 @@ impl<'a> Carried<'a> {
         let (motor, transmission) = (self.recorded.steady(time_s)?, &self.arm.transmission);
         let [rate, acceleration] = [motor.rate, motor.acceleration].map(|of_motor| transmission.joint_rate_from_motor(&of_motor));
         let lifted = self.arm.dynamics.inverse(&transmission.joint_from_motor(wound), &rate, &acceleration);
-        let viscous = Vector3::from_fn(|j, _| self.arm.link_friction[j].viscous * rate[j]);
-        Some(Load { time_s, joint_force: lifted + viscous })
+        Some(Load { time_s, joint_force: lifted + self.arm.viscous_friction().component_mul(&rate) })
     }
 }
 
