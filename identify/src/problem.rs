@@ -14,8 +14,10 @@
 //! of the whole motion say by how much. That lag hardly depends on radii, hard stops, couplings and registration: it is taken from the
 //! estimate at rest and kept. Only with a cable's damping among the unknowns does every prediction come from rollouts of its own.
 
+mod rolled;
+
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use nalgebra::{DVector, Matrix3, Vector3};
 use raven::Result;
@@ -23,13 +25,14 @@ use raven::robot::Robot;
 use raven::stats::chi_square_quantile;
 use rayon::prelude::*;
 
-use crate::batch::{self, Estimate, IDENTIFIED_BELOW, Jacobian, Residuals, central_difference, forward_difference};
+use crate::batch::{self, Estimate, IDENTIFIED_BELOW, Jacobian, Residuals, central_difference};
 use crate::misfit::{self, FALSE_CHANCE, Residual};
 use crate::motion::Motion;
 use crate::parameters::Quantity;
 use crate::prediction::Predictor;
 use crate::priors::Unknown;
 use crate::session::{Session, Sighting, whitening};
+use rolled::Rolled;
 
 /// Length of the blocks over which residuals may be alike [s]: hysteresis and the cameras' flaws outlast single images.
 pub(crate) const BLOCK_S: f64 = 2.0;
@@ -38,11 +41,6 @@ pub(crate) const MISFIT_START: Vector3<f64> = Vector3::new(0.0228, 0.043, 0.0028
 /// Rounds of estimating values and misfit, and the relative change of the misfit at which they end.
 const ROUNDS_MAX: usize = 10;
 const MISFIT_SETTLED: f64 = 0.1;
-/// How far the unknowns may move before columns that take rollouts are computed anew: the part of a positive one, the latency [s], and the
-/// prior deviations of the rest. A column is then off by a twentieth at most, and the estimate by a twentieth of its deviation.
-const PART_HELD: f64 = 0.05;
-const LATENCY_HELD_S: f64 = 2e-3;
-const REST_HELD: f64 = 0.5;
 /// Rollouts that find out how far from rest the joints are, where no damping is looked for: each corrects the one before in the second
 /// order.
 const LAGS: usize = 2;
@@ -106,13 +104,6 @@ enum Joints {
     Lagging(Vec<Vector3<f64>>),
     /// As far as a rollout with the very numbers has them.
     Rolling,
-}
-
-/// Columns of the Jacobian that took rollouts, by unknown.
-#[derive(Debug, Clone, Default)]
-struct Rolled {
-    z: Option<DVector<f64>>,
-    columns: BTreeMap<usize, Vec<Vector3<f64>>>,
 }
 
 /// How far from rest the joints are, per sighting [rad, rad, m]; `None` where they count as at rest.
@@ -370,36 +361,6 @@ impl<'a> Problem<'a> {
         }
         let whitened = |k: &usize| slopes[k].iter().zip(whiten).map(|(slope, whiten)| whiten * slope).collect();
         Ok(columns.iter().map(whitened).collect())
-    }
-
-    /// Columns by rollouts, one on each side of `z` being too much work.
-    fn rolled_columns(&self, z: &DVector<f64>, wanted: &[usize]) -> Result<BTreeMap<usize, Vec<Vector3<f64>>>> {
-        let rolled = |z: &DVector<f64>| {
-            let predictor = Predictor::new(&self.robot(z))?;
-            Ok(self.errors(&predictor, &self.lag(&predictor), z))
-        };
-        // The lock is never held while others may work.
-        let mut known = self.rolled.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        if !known.z.as_ref().is_some_and(|before| self.is_near(before, z)) {
-            known = Rolled { z: Some(z.clone()), columns: BTreeMap::new() };
-        }
-        let missing: Vec<usize> = wanted.iter().copied().filter(|k| !known.columns.contains_key(k)).collect();
-        if !missing.is_empty() {
-            let here = rolled(z)?;
-            let column = |k: usize| Ok((k, forward_difference(rolled, &here, z, k)?));
-            known.columns.extend(missing.into_par_iter().map(column).collect::<Result<Vec<_>>>()?);
-            self.rolled.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&known);
-        }
-        Ok(wanted.iter().filter_map(|&k| Some((k, known.columns.get(&k)?.clone()))).collect())
-    }
-
-    /// Whether columns at `a` may stand for those at `b`.
-    fn is_near(&self, a: &DVector<f64>, b: &DVector<f64>) -> bool {
-        self.unknowns.iter().zip((a - b).iter()).all(|(unknown, z)| match unknown.quantity {
-            Quantity::Latency => unknown.spread * z.abs() <= LATENCY_HELD_S,
-            quantity if quantity.is_positive() => unknown.spread * z.abs() <= PART_HELD,
-            _ => z.abs() <= REST_HELD,
-        })
     }
 
     fn learn_misfit(&mut self, z: &DVector<f64>) -> Result<()> {
