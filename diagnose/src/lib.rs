@@ -25,7 +25,8 @@ use raven::{Error, Result, files};
 use serde::Serialize;
 
 use crate::against::Against;
-use crate::attribution::Attribution;
+use crate::attribution::{Attribution, Model};
+use crate::evidence::spread::{Departures, Spread};
 use crate::gap::{Gap, MotorMotion};
 use crate::residual::{Channels, Residuals, channels};
 use crate::whereabouts::Place;
@@ -48,6 +49,9 @@ pub struct Args {
     /// Cameras the tips were tracked with: the tip's gap is then looked at in pixels.
     #[arg(long)]
     cameras: Option<PathBuf>,
+    /// Other recordings of the same rig, whatever is behind them: how far they find the file's numbers off counts here in place of its tolerances.
+    #[arg(long, value_name = "OTHER", num_args = 1.., conflicts_with_all = ["against", "gap_only"])]
+    beside: Vec<PathBuf>,
     /// A log of your own simulation of the recording, in the same format: the gap is then real less simulated. Once per recording.
     #[arg(long, value_name = "SIMULATED")]
     against: Vec<PathBuf>,
@@ -94,6 +98,7 @@ struct NotLookedFor {
     probability_too_small: (),
     probability_outside: (),
     file_numbers: [(); 0],
+    tolerance_parts: Spread,
     gap: [(); 0],
     remarks: [(); 0],
 }
@@ -122,22 +127,22 @@ pub fn print_library(out: &mut dyn Write) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The verdict on one recording: what the blind check judges.
+/// The verdict on one recording, which is what the blind check judges, and what it says of the file's numbers.
 ///
 /// # Errors
 /// If the recording cannot be read or has nothing to hold against the model.
-pub fn diagnose_recording(log: &Path, robot: &Robot, cameras: Option<&Cameras>) -> Result<check::Verdict> {
-    let recording = Recording::read(log, &robot.into())?;
-    Ok((&causes(robot, cameras, &[recording])?).into())
+pub fn diagnose_recording(log: &Path, model: &Model) -> Result<check::Diagnosed> {
+    let attribution = causes(model, &[Recording::read(log, &model.robot.into())?])?;
+    Ok(check::Diagnosed { verdict: (&attribution).into(), departures: attribution.departures })
 }
 
 /// What a recording says when its effects are told; `None` where it cannot show one of them.
 ///
 /// # Errors
 /// As [`diagnose_recording`].
-pub fn when_told(log: &Path, robot: &Robot, cameras: Option<&Cameras>, effects: &[(&str, Option<&str>)]) -> Result<Option<check::Told>> {
-    let recording = Recording::read(log, &robot.into())?;
-    Ok(attribution::when_told(robot, cameras, &[recording], effects)?.as_ref().map(check::Told::from))
+pub fn when_told(log: &Path, model: &Model, effects: &[(&str, Option<&str>)]) -> Result<Option<check::Told>> {
+    let recording = Recording::read(log, &model.robot.into())?;
+    Ok(attribution::when_told(model, &[recording], effects)?.as_ref().map(check::Told::from))
 }
 
 /// Runs the program.
@@ -145,9 +150,9 @@ pub fn when_told(log: &Path, robot: &Robot, cameras: Option<&Cameras>, effects: 
 /// # Errors
 /// If a file cannot be read, or a recording has nothing to compare.
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
-    let inputs = args.logs.iter().chain(&args.against).chain(&args.cameras).chain([&args.robot]);
+    let inputs = args.logs.iter().chain(&args.beside).chain(&args.against).chain(&args.cameras).chain([&args.robot]);
     files::apart(inputs, &[("--json", args.json.as_deref()), ("--html", args.html.as_deref())])?;
-    files::distinct(&args.logs)?;
+    files::distinct(&args.logs.iter().chain(&args.beside).collect::<Vec<_>>())?;
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let bar = cli::progress(args.logs.len() as u64, "reading recordings");
@@ -185,7 +190,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     if report.against.is_some() && matches!(robot.kinematics, KinematicsKind::Bench) {
         report.no_diagnosis = Some(NO_CAUSES_OF_BENCH.to_owned());
     } else if !args.gap_only {
-        match causes(&robot, cameras.as_ref(), &recordings) {
+        let model = Model::new(&robot, cameras.as_ref());
+        let spread = beside(&model, &args.beside)?;
+        match causes(&Model { spread, ..model }, &recordings) {
             Ok(mut attribution) => {
                 attribution.remarks.extend(report.against.as_ref().map(Against::remark));
                 report.attribution = Some(attribution);
@@ -211,11 +218,23 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 }
 
 /// What recordings say of causes.
-fn causes(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording]) -> Result<Attribution> {
+fn causes(model: &Model, recordings: &[Recording]) -> Result<Attribution> {
     let bar = cli::progress(STEPS, "looking for causes");
-    let attribution = attribution::attribute(robot, cameras, recordings, || bar.inc(1));
+    let attribution = attribution::attribute(model, recordings, || bar.inc(1));
     bar.finish_and_clear();
     attribution
+}
+
+/// How far other recordings of the rig, each diagnosed alone, take the model's numbers to be off.
+fn beside(model: &Model, logs: &[PathBuf]) -> Result<Spread> {
+    let bar = cli::progress(logs.len() as u64, "diagnosing other recordings");
+    let mut others: Vec<Departures> = Vec::new();
+    for log in logs {
+        others.extend(diagnose_recording(log, model)?.departures);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(Spread::of(&others.iter().collect::<Vec<_>>(), &Spread::default()))
 }
 
 /// On a simulated slide whose friction was 2.5 times the simulation's the search found nothing: it must not say that there is nothing.
@@ -360,6 +379,8 @@ mod tests {
             probability_too_small: 0.0,
             probability_outside: 0.0,
             file_numbers: Vec::new(),
+            tolerance_parts: Spread::default(),
+            departures: None,
             gap: Vec::new(),
             remaining: Vec::new(),
             remarks: Vec::new(),

@@ -1,8 +1,12 @@
 //! A small sealed set, diagnosed blind: what the large ones of `docs/diagnosis.md` are made of, each of a size that shows.
 
+use std::path::Path;
+
 use raven::robot::nominal;
 use raven::simulation::{Case, Motion, Outside, SealedFolder, Sway};
-use raven_diagnose::check::{Names, check};
+use raven_diagnose::attribution::Model;
+use raven_diagnose::check::{Diagnosed, Names, check};
+use raven_diagnose::evidence::spread::Spread;
 use raven_diagnose::{diagnose_recording, when_told};
 
 fn case(name: &str, seed: u64, effects: &[&str]) -> Case {
@@ -34,8 +38,10 @@ fn a_frozen_set_is_diagnosed_blind() {
     let mut sealed = SealedFolder::open(folder.path()).unwrap();
     sealed.add_all(&robot, &cases, &SealedFolder::options(), || {}).unwrap();
     let cameras = raven::camera::Cameras::read(&folder.path().join("cameras.yaml")).unwrap();
-    let diagnose = |log: &std::path::Path| diagnose_recording(log, &robot, Some(&cameras));
-    let oracle = |log: &std::path::Path, effects: &[(&str, Option<&str>)]| when_told(log, &robot, Some(&cameras), effects);
+    let model = Model::new(&robot, Some(&cameras));
+    // Each alone: that recordings tell each other how far the robot is off is a test of its own.
+    let diagnose = |log: &Path, _: &Spread| Ok(Diagnosed { departures: None, ..diagnose_recording(log, &model)? });
+    let oracle = |log: &Path, _: &Spread, effects: &[(&str, Option<&str>)]| when_told(log, &model, effects);
     let verdicts = folder.path().join("verdicts.json");
     let score = check(folder.path(), &Names::of(&robot), &diagnose, &oracle, &verdicts, &mut Vec::new()).unwrap();
     eprintln!("{score}");

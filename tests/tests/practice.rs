@@ -70,8 +70,19 @@ fn parts_of_recordings_lead_to_the_verdict_of_the_whole() {
     let [robot, cameras] =
         [shared("robot/raven2-gold.yaml").unwrap(), practice.join("cameras.yaml")].map(|file| file.display().to_string());
     let folder_name = folder.path().display().to_string();
-    let arguments =
-        ["check", &folder_name, "--robot", &robot, "--cameras", &cameras, "--verdicts", "{verdicts.json}", "--json", "{score.json}"];
+    let arguments = [
+        "check",
+        &folder_name,
+        "--alone",
+        "--robot",
+        &robot,
+        "--cameras",
+        &cameras,
+        "--verdicts",
+        "{verdicts.json}",
+        "--json",
+        "{score.json}",
+    ];
     let (_, printed) = typed(folder.path(), raven_diagnose::run, &arguments).unwrap();
     println!("{printed}");
     let score = json(folder.path(), "score.json");

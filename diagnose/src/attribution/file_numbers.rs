@@ -28,14 +28,15 @@ pub(super) fn file_numbers(fitter: &Fitter, hypothesis: &Hypothesis, deviations:
     let coordinates = fitter.coordinates;
     let of = |(&c, &std): (&usize, &f64)| {
         let coordinate = coordinates.all[c];
-        let spike = coordinate.spike.filter(|_| !coordinate.is_unknown() && !hypothesis.effects.contains(&coordinate.effect))?;
+        let is_of_file = !coordinate.is_unknown() && !hypothesis.effects.contains(&coordinate.effect);
+        let tolerance = coordinates.tolerance(c).filter(|_| is_of_file)?;
         let (sited, u) = (&coordinates.sited[coordinate.effect], hypothesis.u[c]);
-        let is_moved = u.abs() > TOLERANCES * spike && u.abs() > DEVIATIONS * std;
+        let is_moved = u.abs() > TOLERANCES * tolerance && u.abs() > DEVIATIONS * std;
         is_moved.then(|| FileNumber {
             id: sited.effect.id,
             joint: sited.joint(fitter.rows.robot()),
             estimate: estimate(fitter, hypothesis, c, std),
-            tolerances: u / spike,
+            tolerances: u / tolerance,
         })
     };
     let mut moved: Vec<FileNumber> = hypothesis.free.iter().zip(deviations).filter_map(of).collect();

@@ -19,7 +19,7 @@ pub use fitness::check_fitness;
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{at, number, off, sentence, size, tied, together, words};
+pub use words::{at, number, off, sentence, size, spread, tied, together, words};
 
 use raven::Result;
 use raven::camera::Cameras;
@@ -36,6 +36,26 @@ use crate::evidence::data::Data;
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::outcome::Outcome;
 use crate::evidence::rows::Rows;
+use crate::evidence::spread::{Departures, Spread};
+
+/// The model that recordings are held against.
+#[derive(Debug, Clone)]
+pub struct Model<'a> {
+    /// Its numbers, and their tolerances.
+    pub robot: &'a Robot,
+    /// Those the tips were tracked with.
+    pub cameras: Option<&'a Cameras>,
+    /// By what part of those they are off, as other recordings of the rig show.
+    pub spread: Spread,
+}
+
+impl<'a> Model<'a> {
+    /// Whose numbers are off by their tolerances, as nothing else is known of them.
+    #[must_use]
+    pub fn new(robot: &'a Robot, cameras: Option<&'a Cameras>) -> Self {
+        Self { robot, cameras, spread: Spread::default() }
+    }
+}
 
 /// What the recordings say of causes.
 #[derive(Debug, Clone, Serialize)]
@@ -58,6 +78,11 @@ pub struct Attribution {
     pub probability_outside: f64,
     /// Numbers of the robot file that are off by more than it allows them, beside the effects.
     pub file_numbers: Vec<FileNumber>,
+    /// By what part of their tolerances its numbers were taken to be off, by kind of effect; empty where no other recording says.
+    pub tolerance_parts: Spread,
+    /// How far these recordings take its numbers to be off; nothing where they hold something that is not explained.
+    #[serde(skip)]
+    pub departures: Option<Departures>,
     /// How far the gap closes.
     pub gap: Vec<Closure>,
     /// What is left over time, before and after the effects; empty without effects.
@@ -152,20 +177,21 @@ const LEADING_MIN: f64 = 0.05;
 ///
 /// # Errors
 /// If the recordings cannot carry a diagnosis.
-pub fn attribute(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording], each: impl FnMut()) -> Result<Attribution> {
+pub fn attribute(model: &Model, recordings: &[Recording], each: impl FnMut()) -> Result<Attribution> {
+    let Model { robot, cameras, spread } = model;
     if matches!(robot.kinematics, KinematicsKind::Bench) {
         let bench = Bench::new(robot, recordings)?;
         let remarks = bench.remarks().into_iter().map(str::to_owned).collect();
-        return Ok(Attribution { remarks, ..attributed(&bench, each)? });
+        return Ok(Attribution { remarks, ..attributed(&bench, spread, each)? });
     }
-    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, cameras)).collect::<Result<_>>()?;
+    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, *cameras)).collect::<Result<_>>()?;
     check_fitness(robot, &data)?;
-    attributed(&Rows::new(robot, cameras, &data)?, each)
+    attributed(&Rows::new(robot, *cameras, &data)?, spread, each)
 }
 
 /// What causes the gap of recordings of either kind, and how far it closes.
-fn attributed(rows: &dyn Sampled, mut each: impl FnMut()) -> Result<Attribution> {
-    let coordinates = Coordinates::new(rows.robot(), rows);
+fn attributed(rows: &dyn Sampled, spread: &Spread, mut each: impl FnMut()) -> Result<Attribution> {
+    let coordinates = Coordinates::new(rows.robot(), rows).spread(spread);
     let fitter = Fitter::new(rows, &coordinates);
     let outcome = followed(rows, fitter.search(&mut each)?)?;
     // Friction that was found makes samples near rest doubtful that were not: the likely hypotheses are judged anew.
@@ -206,15 +232,11 @@ pub struct Told {
 ///
 /// # Errors
 /// As [`attribute`].
-pub fn when_told(
-    robot: &Robot,
-    cameras: Option<&Cameras>,
-    recordings: &[Recording],
-    effects: &[(&str, Option<&str>)],
-) -> Result<Option<Told>> {
-    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, cameras)).collect::<Result<_>>()?;
-    let rows = Rows::new(robot, cameras, &data)?;
-    let coordinates = Coordinates::new(robot, &rows);
+pub fn when_told(model: &Model, recordings: &[Recording], effects: &[(&str, Option<&str>)]) -> Result<Option<Told>> {
+    let Model { robot, cameras, spread } = model;
+    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, *cameras)).collect::<Result<_>>()?;
+    let rows = Rows::new(robot, *cameras, &data)?;
+    let coordinates = Coordinates::new(robot, &rows).spread(spread);
     let of_name = |&(id, joint): &(&str, Option<&str>)| {
         coordinates.sited.iter().position(|sited| sited.effect.id == id && sited.joint(robot).as_deref() == joint)
     };
@@ -298,6 +320,8 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
         probability_too_small: too_small * (1.0 - probability_outside),
         probability_outside,
         file_numbers: file_numbers::file_numbers(fitter, closing, &deviations),
+        tolerance_parts: fitter.coordinates.spread.clone(),
+        departures: fitter.departures(closing, &deviations).filter(|_| !word.remains()),
         gap: Vec::new(),
         remaining: Vec::new(),
         remarks: Vec::new(),

@@ -219,6 +219,9 @@ pub fn words(attribution: &Attribution) -> String {
     attribution.file_numbers.iter().for_each(|of| {
         let _ = writeln!(text, "{:>6.1}  {}", of.tolerances, off(of));
     });
+    if let Some(sentence) = spread(attribution) {
+        let _ = writeln!(text, "\n{sentence}");
+    }
     if attribution.verdict == Word::None {
         text += &could_have_shown(attribution);
     }
@@ -226,6 +229,14 @@ pub fn words(attribution: &Attribution) -> String {
         let _ = writeln!(text, "{remark}");
     });
     text
+}
+
+/// How far the file's numbers were taken to be off, where other recordings of the rig say.
+#[must_use]
+pub fn spread(attribution: &Attribution) -> Option<String> {
+    let parts: Vec<String> = attribution.tolerance_parts.parts().map(|(kind, part)| format!("{kind} {part:.2}")).collect();
+    let parts = (!parts.is_empty()).then(|| parts.join(", "))?;
+    Some(format!("By the other recordings of the rig, numbers of the file are off by these parts of their tolerances: {parts}."))
 }
 
 /// The smallest size of each effect that would have been named, place by place, and what could not be seen at all.
@@ -271,6 +282,7 @@ mod tests {
     use crate::evidence::coordinates::Coordinates;
     use crate::evidence::fit::Fitter;
     use crate::evidence::outcome::Outcome;
+    use crate::evidence::spread::Spread;
     use crate::evidence::tests::{Seen, tips};
 
     fn estimate(name: &'static str, value: f64, std: f64, unit: &str, whole: bool) -> Estimate {
@@ -312,6 +324,8 @@ mod tests {
             probability_too_small: 0.0,
             probability_outside: 0.0,
             file_numbers: Vec::new(),
+            tolerance_parts: Spread::default(),
+            departures: None,
             gap: vec![gap],
             remaining: Vec::new(),
             remarks: Vec::new(),

@@ -3,6 +3,7 @@
 //! The verdicts are written and their SHA-256 is printed before the labels may be read ([`Committed`] is the only way to them), and
 //! labels whose SHA-256 is not that of `labels.sha256` are refused.
 
+mod beside;
 mod cause;
 mod committed;
 mod estimates;
@@ -14,17 +15,17 @@ mod tests;
 mod verdict;
 
 pub use crate::attribution::Word;
+use beside::Diagnosis;
 use cause::is_outside;
 pub use cause::{Cause, Names};
 pub use committed::Committed;
 pub use estimates::Sizes;
 pub use metrics::{Claim, Share, brier, calibration_error};
 pub use score::{Answer, Score};
-pub use verdict::{Blamed, Candidate, ChannelGap, Estimate, Told, Verdict};
+pub use verdict::{Blamed, Candidate, ChannelGap, Diagnosed, Estimate, Told, Verdict};
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::Parser;
 use raven::camera::Cameras;
@@ -32,6 +33,9 @@ use raven::cli::{self, Outcome};
 use raven::robot::{Robot, nominal};
 use raven::simulation::{CAMERAS, LABELS, LABELS_SUM, SealedFolder, sealed_set};
 use raven::{Error, Result, files};
+
+use crate::attribution::Model;
+use crate::evidence::spread::Spread;
 
 /// Diagnoses the recordings of a sealed folder blind, then opens the labels and prints the score.
 ///
@@ -55,6 +59,9 @@ pub struct Args {
     /// Seed of the simulated recordings.
     #[arg(long, requires = "simulate", default_value_t = 1)]
     seed: u64,
+    /// Diagnoses each recording as if there were no other; else how far the others find the file's numbers off counts in place of its tolerances.
+    #[arg(long)]
+    alone: bool,
     /// Where the verdicts go before the labels are read.
     #[arg(long, value_name = "FILE", default_value = "verdicts.json")]
     verdicts: PathBuf,
@@ -63,10 +70,10 @@ pub struct Args {
     json: Option<PathBuf>,
 }
 
-/// Diagnoses one recording.
-pub type Diagnose<'a> = dyn Fn(&Path) -> Result<Verdict> + 'a;
+/// Diagnoses one recording of a robot that is off by parts of its tolerances.
+pub type Diagnose<'a> = dyn Fn(&Path, &Spread) -> Result<Diagnosed> + 'a;
 /// What one recording says when its effects are told, by identifier and place: the most that any diagnosis could see and close.
-pub type Oracle<'a> = dyn Fn(&Path, &[(&str, Option<&str>)]) -> Result<Option<Told>> + 'a;
+pub type Oracle<'a> = dyn Fn(&Path, &Spread, &[(&str, Option<&str>)]) -> Result<Option<Told>> + 'a;
 
 /// Runs the blind check with this program's diagnosis.
 ///
@@ -91,8 +98,12 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     let cameras_path = args.cameras.clone().unwrap_or_else(|| folder.join(CAMERAS));
     let cameras = if args.cameras.is_some() || cameras_path.exists() { Some(Cameras::read(&cameras_path)?) } else { None };
-    let diagnose = |log: &Path| crate::diagnose_recording(log, &robot, cameras.as_ref());
-    let oracle = |log: &Path, effects: &[(&str, Option<&str>)]| crate::when_told(log, &robot, cameras.as_ref(), effects);
+    let model = |spread: &Spread| Model { spread: spread.clone(), ..Model::new(&robot, cameras.as_ref()) };
+    let diagnose = |log: &Path, spread: &Spread| {
+        let Diagnosed { verdict, departures } = crate::diagnose_recording(log, &model(spread))?;
+        Ok(Diagnosed { verdict, departures: departures.filter(|_| !args.alone) })
+    };
+    let oracle = |log: &Path, spread: &Spread, effects: &[(&str, Option<&str>)]| crate::when_told(log, &model(spread), effects);
     let json = args.json.as_deref();
     // Standard output may be for the machine alone; the sums have to be seen all the same.
     let mut aside = std::io::stderr();
@@ -115,23 +126,19 @@ pub fn check(
     out: &mut dyn Write,
 ) -> Result<Score> {
     let recordings = recordings(folder)?;
-    let bar = cli::progress(recordings.len() as u64, "diagnosing blind");
     let mut answers = Vec::new();
+    let mut spreads = Vec::new();
     let mut first_error = None;
-    for path in &recordings {
-        let start = Instant::now();
-        let verdict = diagnose(path);
-        let seconds = start.elapsed().as_secs_f64();
+    for (Diagnosis { diagnosed, spread, seconds }, path) in beside::diagnose_all(&recordings, diagnose).into_iter().zip(&recordings) {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let verdict = verdict.map_err(|error| {
+        let verdict = diagnosed.map(|diagnosed| diagnosed.verdict).map_err(|error| {
             let text = error.to_string();
             first_error.get_or_insert(error);
             text
         });
         answers.push(Answer { name, verdict, seconds, told: None });
-        bar.inc(1);
+        spreads.push(spread);
     }
-    bar.finish_and_clear();
     if let Some(error) = first_error {
         if answers.iter().all(|answer| answer.verdict.is_err()) {
             return Err(error);
@@ -143,14 +150,14 @@ pub fn check(
     let labels = committed.open_labels(folder)?;
     cli::print(out, &format!("labels:   SHA-256 as sealed in {}\n", folder.join(LABELS_SUM).display()))?;
     let bar = cli::progress(recordings.len() as u64, "fitting what is true");
-    for (answer, path) in answers.iter_mut().zip(&recordings) {
+    for ((answer, spread), path) in answers.iter_mut().zip(&spreads).zip(&recordings) {
         let Some(label) = labels.get(&answer.name) else {
             return Err(Error::file(path, "this recording has no label; move it out of the sealed folder."));
         };
         if !is_outside(label) && !label.effects.is_empty() && answer.verdict.is_ok() {
             let causes: Vec<Cause> = label.effects.iter().map(|effect| names.labelled(effect)).collect();
             let effects: Vec<(&str, Option<&str>)> = causes.iter().map(|cause| (cause.id.as_str(), cause.joint.as_deref())).collect();
-            answer.told = oracle(path, &effects)?;
+            answer.told = oracle(path, spread, &effects)?;
         }
         bar.inc(1);
     }

@@ -1,6 +1,6 @@
 //! Scores of verdicts made by hand, and the order of commitment and labels.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 
 use approx::assert_relative_eq;
@@ -8,6 +8,7 @@ use raven::simulation::{LABELS, LABELS_SUM, Label, LabelEffect, Magnitude, Motio
 
 use super::verdict::Retuned;
 use super::*;
+use crate::evidence::spread::Departures;
 
 fn effect(id: &str, joint: Option<&str>, magnitude: f64) -> LabelEffect {
     LabelEffect { id: id.to_owned(), joint: joint.map(str::to_owned), magnitude: Magnitude::One(magnitude) }
@@ -144,6 +145,10 @@ fn a_report_of_the_design_reads() {
     assert_eq!(verdict.gap[0].closed, Some(0.99));
 }
 
+fn radius_of_the_elbow() -> Verdict {
+    verdict(Word::Explained, &[blamed("pulley-radius", Some("elbow"), 0.9, 0.05)], &[])
+}
+
 /// A sealed folder with two short recordings: a radius off, and nothing.
 fn sealed() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -168,18 +173,18 @@ fn labels_are_read_after_the_verdicts_are_written() {
     let folder = sealed();
     let verdicts = folder.path().join("verdicts.json");
     let seen = Cell::new(0);
-    let diagnose = |log: &Path| {
+    let diagnose = |log: &Path, _: &Spread| {
         assert!(!verdicts.exists());
         // Whoever reads the labels here cannot: they come later.
         seen.set(seen.get() + 1);
         if log.ends_with("r002.mcap") {
             std::fs::rename(folder.path().join("hidden"), folder.path().join(LABELS)).unwrap();
         }
-        Ok(verdict(Word::Explained, &[blamed("pulley-radius", Some("elbow"), 0.9, 0.05)], &[]))
+        Ok(Diagnosed { verdict: radius_of_the_elbow(), departures: None })
     };
     std::fs::rename(folder.path().join(LABELS), folder.path().join("hidden")).unwrap();
     let told = Cell::new(0);
-    let oracle = |_: &Path, effects: &[(&str, Option<&str>)]| {
+    let oracle = |_: &Path, _: &Spread, effects: &[(&str, Option<&str>)]| {
         assert!(verdicts.exists());
         assert_eq!(effects, [("pulley-radius", Some("elbow"))], "nothing is told of a recording without effects");
         told.set(told.get() + 1);
@@ -194,11 +199,36 @@ fn labels_are_read_after_the_verdicts_are_written() {
 }
 
 #[test]
+fn recordings_are_diagnosed_beside_the_others_of_their_rig() {
+    let folder = sealed();
+    // Each finds its tool's length as the file has it; alone a radius is blamed.
+    let exact = Departures::of_one("tool-length", 0.0, 1e-3);
+    let asked = RefCell::new(Vec::new());
+    let diagnose = |log: &Path, spread: &Spread| {
+        let part = spread.part("tool-length");
+        asked.borrow_mut().push((log.file_stem().unwrap().to_string_lossy().into_owned(), part));
+        let said = if part < 1.0 { verdict(Word::None, &[], &[]) } else { radius_of_the_elbow() };
+        Ok(Diagnosed { verdict: said, departures: Some(exact.clone()) })
+    };
+    let told = |_: &Path, spread: &Spread, _: &[(&str, Option<&str>)]| {
+        assert!(spread.part("tool-length") < 1.0, "what is told goes by the same tolerances");
+        Ok(None)
+    };
+    let verdicts = folder.path().join("verdicts.json");
+    let score = check(folder.path(), &Names::of(&nominal::gold()), &diagnose, &told, &verdicts, &mut Vec::new()).unwrap();
+    let asked = asked.into_inner();
+    assert_eq!(asked.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["r001", "r002", "r001", "r002"]);
+    assert_eq!((asked[0].1, asked[1].1), (1.0, 1.0));
+    assert_relative_eq!(asked[2].1, 0.5_f64.sqrt(), epsilon = 1e-3);
+    assert_eq!((score.top1.hits, score.false_alarms.hits), (0, 0));
+}
+
+#[test]
 fn an_effect_that_no_recording_of_the_robot_can_show_does_not_end_the_check() {
     let folder = sealed();
     let log = folder.path().join("r001.mcap");
     let backwards = ("cable-coupling", Some("elbow->shoulder"));
-    assert!(crate::when_told(&log, &nominal::gold(), None, &[backwards]).unwrap().is_none());
+    assert!(crate::when_told(&log, &Model::new(&nominal::gold(), None), &[backwards]).unwrap().is_none());
 }
 
 #[test]
@@ -210,23 +240,23 @@ fn changed_labels_are_refused_after_the_commitment() {
     bytes[at] ^= 1;
     std::fs::write(&path, bytes).unwrap();
     let verdicts = folder.path().join("verdicts.json");
-    let diagnose = |_: &Path| Ok(verdict(Word::None, &[], &[]));
+    let diagnose = |_: &Path, _: &Spread| Ok(Diagnosed { verdict: verdict(Word::None, &[], &[]), departures: None });
     let mut out = Vec::new();
     let names = Names::of(&nominal::gold());
-    let error = check(folder.path(), &names, &diagnose, &|_, _| Ok(None), &verdicts, &mut out).unwrap_err().to_string();
+    let error = check(folder.path(), &names, &diagnose, &|_, _, _| Ok(None), &verdicts, &mut out).unwrap_err().to_string();
     assert!(error.contains("not the labels sealed with the recordings"), "{error}");
     let out = String::from_utf8(out).unwrap();
     assert!(out.starts_with("verdicts: SHA-256 ") && !out.contains("labels:"), "{out}");
     std::fs::remove_file(folder.path().join(LABELS_SUM)).unwrap();
-    assert!(check(folder.path(), &names, &diagnose, &|_, _| Ok(None), &verdicts, &mut Vec::new()).is_err());
+    assert!(check(folder.path(), &names, &diagnose, &|_, _, _| Ok(None), &verdicts, &mut Vec::new()).is_err());
 }
 
 #[test]
 fn a_check_without_any_verdict_fails_with_the_first_reason() {
     let folder = sealed();
-    let diagnose = |log: &Path| Err(Error::file(log, "no verdict."));
+    let diagnose = |log: &Path, _: &Spread| Err(Error::file(log, "no verdict."));
     let verdicts = folder.path().join("verdicts.json");
-    let error = check(folder.path(), &Names::of(&nominal::gold()), &diagnose, &|_, _| Ok(None), &verdicts, &mut Vec::new()).unwrap_err();
+    let error = check(folder.path(), &Names::of(&nominal::gold()), &diagnose, &|_, _, _| Ok(None), &verdicts, &mut Vec::new()).unwrap_err();
     assert!(error.to_string().contains("r001.mcap: no verdict."));
     assert!(!verdicts.exists());
 }

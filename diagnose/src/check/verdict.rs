@@ -3,6 +3,16 @@
 use serde::{Deserialize, Serialize};
 
 use crate::attribution::{Attribution, Word};
+use crate::evidence::spread::Departures;
+
+/// What a diagnosis makes of one recording.
+#[derive(Debug, Clone)]
+pub struct Diagnosed {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// How far it takes the model's numbers to be off; nothing where that says nothing of other recordings.
+    pub departures: Option<Departures>,
+}
 
 /// The verdict on one recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -4,6 +4,7 @@ use raven::effects::{Channel, Effect, Parameter, Sited};
 use raven::robot::Robot;
 
 use super::rows::{Observed, Setting};
+use super::spread::Spread;
 
 /// One number of one effect at one place.
 #[derive(Debug, Clone, Copy)]
@@ -32,6 +33,8 @@ pub struct Coordinates {
     pub not_observable: Vec<(&'static Effect, &'static str)>,
     /// Numbers.
     pub all: Vec<Coordinate>,
+    /// By what part of their tolerances those of the nominal model are off.
+    pub spread: Spread,
 }
 
 impl Coordinates {
@@ -74,7 +77,25 @@ impl Coordinates {
             })
         });
         let all = all.collect();
-        Self { sited, not_observable, all }
+        Self { sited, not_observable, all, spread: Spread::default() }
+    }
+
+    /// With the nominal model's numbers off by the part of their tolerances that other recordings of the rig show.
+    #[must_use]
+    pub fn spread(mut self, spread: &Spread) -> Self {
+        self.spread = spread.clone();
+        for coordinate in self.all.iter_mut().filter(|coordinate| !coordinate.is_unknown()) {
+            let part = spread.part(self.sited[coordinate.effect].effect.id);
+            coordinate.spike = coordinate.spike.map(|spike| part * spike);
+        }
+        self
+    }
+
+    /// The file's own tolerance of a number of the nominal model, in `u`.
+    #[must_use]
+    pub fn tolerance(&self, c: usize) -> Option<f64> {
+        let coordinate = self.all[c];
+        coordinate.spike.map(|spike| spike / self.spread.part(self.sited[coordinate.effect].effect.id))
     }
 
     /// The coordinates of an effect.

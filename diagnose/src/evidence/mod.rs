@@ -22,6 +22,7 @@ pub mod screen;
 pub mod search;
 pub mod sizes;
 mod slopes;
+pub mod spread;
 mod starts;
 mod tensions;
 pub mod tied;

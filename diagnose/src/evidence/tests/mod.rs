@@ -10,6 +10,7 @@ use super::coordinates::Coordinates;
 use super::fit::{Fitter, Hypothesis};
 use super::rows::{Links, Observed, Setting};
 
+mod beside;
 mod lost;
 mod ties;
 
