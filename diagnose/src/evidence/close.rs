@@ -25,8 +25,7 @@ impl Fitter<'_> {
         if leading.evidence - outcome.none.evidence > WITHIN_NATS {
             return Ok(());
         }
-        let again = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
-        let Some(none) = again(&[], &outcome.none.u)? else { return Ok(()) };
+        let Some(none) = self.fitted_closely(&[], &outcome.none.u)? else { return Ok(()) };
         let mut likely = self.as_likely(outcome, &leading, &none);
         // With the nominal model's numbers from either, and each effect without those that may have made good what the other fit lacked.
         let from_none = self.taking(&none.u, &leading.effects, &leading.u);
@@ -34,8 +33,10 @@ impl Fitter<'_> {
         if leading.effects.len() > 1 {
             likely.extend(leading.effects.iter().map(|&left_out| (leading.all_but(left_out), self.without(left_out, &from_none))));
         }
-        side_by_side(&likely, |(effects, u)| again(effects, u))?.iter().for_each(|hypothesis| outcome.keep(hypothesis));
-        outcome.keep(&none);
+        let mut close = side_by_side(&likely, |(effects, u)| self.fitted_closely(effects, u))?;
+        close.push(none);
+        anchored(&mut close, &leading);
+        close.iter().for_each(|hypothesis| outcome.keep(hypothesis));
         let mut best = outcome.none.clone();
         for (hypothesis, _) in outcome.fitted.values() {
             if self.better(outcome, hypothesis, &best) {
@@ -44,6 +45,14 @@ impl Fitter<'_> {
         }
         outcome.best = best;
         Ok(())
+    }
+
+    /// Fits a hypothesis from a start by slopes of rolled-out links.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub(super) fn fitted_closely(&self, effects: &[usize], start: &[f64]) -> Result<Option<Hypothesis>> {
+        self.fit_with(effects, start, None, Following::AllRolledOut)
     }
 
     /// The best hypothesis, or where that is none the one with effects beyond their scatter that has most evidence, if more than none.
@@ -67,5 +76,45 @@ impl Fitter<'_> {
         let from = |(h, lost): (&Hypothesis, f64)| if lost > LOST_NATS { self.taking(&none.u, &h.effects, &h.u) } else { h.u.clone() };
         let near = near.into_iter().take(OTHERS_MAX).map(|known| (known.0.effects.clone(), from(known)));
         [(best.effects.clone(), best.u.clone())].into_iter().chain(near).collect()
+    }
+}
+
+/// Puts what was fitted closely beside what was not. By slopes of rolled-out links more numbers matter, or fewer, whatever the effects: evidence of
+/// all is raised by what that makes of the one that is `known` with the same effects by other slopes, its cost left as it is.
+pub(super) fn anchored(close: &mut [Hypothesis], known: &Hypothesis) {
+    let beyond_cost = |h: &Hypothesis| h.evidence + h.cost;
+    let same = close.iter().filter(|h| h.effects == known.effects).min_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(raised) = same.map(|same| beyond_cost(known) - beyond_cost(same)) else { return };
+    close.iter_mut().for_each(|h| h.evidence += raised);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::tests::fitted;
+
+    /// A fit that ended at a cost, with what its slopes make of it [nat].
+    fn ended(effect: usize, is_close: bool, cost: f64, beyond: f64) -> Hypothesis {
+        Hypothesis { cost, evidence: beyond - cost, is_close, ..fitted(vec![effect], 0.0) }
+    }
+
+    #[test]
+    fn a_closer_fit_counts_unless_it_stopped_short() {
+        let known = ended(0, false, 100.0, 6.0);
+        assert!(ended(0, true, 100.5, 0.0).supersedes(&known), "slopes of settled links claimed six nats too much");
+        assert!(!ended(0, true, 102.0, 9.0).supersedes(&known));
+        assert!(!known.supersedes(&ended(0, true, 100.5, 0.0)));
+        assert!(ended(0, false, 98.0, -9.0).supersedes(&ended(0, true, 100.5, 0.0)));
+        assert!(ended(0, false, 100.5, 7.0).supersedes(&known));
+    }
+
+    #[test]
+    fn what_was_fitted_closely_stands_beside_what_was_not() {
+        let known = ended(0, false, 100.0, 6.0);
+        // Closer slopes take eight nats off both, but for two that the other one's settled links had claimed.
+        let mut close = [ended(0, true, 97.0, -2.0), ended(1, true, 97.5, -4.0)];
+        anchored(&mut close, &known);
+        // The cost that came down counts.
+        assert_eq!(close.map(|h| h.evidence), [6.0 - 97.0, 4.0 - 97.5]);
     }
 }

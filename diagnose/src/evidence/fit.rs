@@ -38,8 +38,13 @@ pub struct Hypothesis {
     pub free: Vec<usize>,
     /// Covariance of those.
     pub covariance: DMatrix<f64>,
+    /// `F` there [nat].
+    pub cost: f64,
     /// `ln Z` [nat].
     pub evidence: f64,
+    /// Whether slopes are those of rolled-out links throughout. By others a number may seem to matter more or less than it does, and `ln Z` be off
+    /// by several nats.
+    pub is_close: bool,
     /// Whitened residuals there.
     pub residuals: Vec<f64>,
     /// Slopes there, one per free coordinate.
@@ -47,6 +52,17 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
+    /// Whether this fit counts in place of `known`, with the same effects: of two that were made alike the one with more evidence, and else the closer
+    /// one, unless the other ended lower.
+    #[must_use]
+    pub fn supersedes(&self, known: &Self) -> bool {
+        match (self.is_close, known.is_close) {
+            (true, false) => self.cost < known.cost + RENEWED_MIN,
+            (false, true) => self.cost < known.cost - RENEWED_MIN,
+            _ => self.evidence > known.evidence,
+        }
+    }
+
     /// Its effects but one.
     #[must_use]
     pub fn all_but(&self, left_out: usize) -> Vec<usize> {
@@ -180,7 +196,8 @@ impl Fitter<'_> {
         let Descent { u, residuals, cost, .. } = at;
         let Some((evidence, covariance)) = evidence(&information, &precision, cost) else { return Ok(None) };
         let columns = slopes.columns();
-        let mut hypothesis = Hypothesis { effects, u, free, covariance, evidence, residuals, columns };
+        let is_close = following == Following::AllRolledOut;
+        let mut hypothesis = Hypothesis { effects, u, free, covariance, cost, evidence, is_close, residuals, columns };
         hypothesis.evidence += self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &|c| hypothesis.std(c));
         Ok(Some(hypothesis))
     }

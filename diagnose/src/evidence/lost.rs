@@ -173,7 +173,7 @@ impl Fitter<'_> {
         for hypothesis in fitted {
             outcome.keep(&hypothesis);
             let is_better = if hypothesis.effects == outcome.best.effects {
-                hypothesis.evidence > outcome.best.evidence
+                hypothesis.supersedes(&outcome.best)
             } else {
                 self.better(outcome, &hypothesis, &outcome.best)
             };

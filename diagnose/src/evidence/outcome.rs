@@ -100,10 +100,10 @@ impl Outcome {
         }
     }
 
-    /// Takes in a hypothesis that has more evidence than what is known with the same effects.
+    /// Takes in a hypothesis that supersedes what is known with the same effects.
     pub(crate) fn keep(&mut self, hypothesis: &Hypothesis) {
-        let known = self.fitted.get(&hypothesis.effects).map_or(f64::NEG_INFINITY, |(h, _)| h.evidence);
-        if hypothesis.evidence > known {
+        let known = self.fitted.get(&hypothesis.effects).map(|(known, _)| known);
+        if known.is_none_or(|known| hypothesis.supersedes(known)) {
             if hypothesis.effects.is_empty() {
                 self.none = hypothesis.clone();
             }

@@ -6,9 +6,9 @@
 
 use raven::Result;
 
+use super::close::anchored;
 use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::outcome::Outcome;
-use super::slopes::Following;
 
 /// Rivals are as near the best as this, what that leaves counting as noise [nat], so many of them at most.
 const RIVALS_NATS: f64 = 10.0;
@@ -32,13 +32,14 @@ impl Fitter<'_> {
         if rivals.is_empty() {
             return Ok(());
         }
-        let closely = |effects: &[usize], u: &[f64]| self.fit_with(effects, u, None, Following::AllRolledOut);
         let of_rival = |(h, [found, other]): &(&Hypothesis, [usize; 2])| {
             let instead = self.taking(&self.without(*found, &best.u), &[*other], &h.u);
-            closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()))
+            self.fitted_closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()))
         };
-        let (fitted, again) = rayon::join(|| side_by_side(&rivals, of_rival), || closely(&best.effects, &best.u));
-        self.taken(outcome, fitted?.into_iter().chain(again?));
+        let (fitted, again) = rayon::join(|| side_by_side(&rivals, of_rival), || self.fitted_closely(&best.effects, &best.u));
+        let mut close: Vec<Hypothesis> = fitted?.into_iter().chain(again?).collect();
+        anchored(&mut close, &best);
+        self.taken(outcome, close.into_iter());
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use nalgebra::DVector;
 use raven::Result;
 
 use super::coordinates::{ABSENT, MILDEST};
-use super::fit::{Fitter, Hypothesis, STRAINED, side_by_side};
+use super::fit::{Fitter, Hypothesis, STRAINED, cost, side_by_side};
 use super::leftover::ACCOUNTED;
 use super::outcome::Outcome;
 use super::rows::Links;
@@ -284,7 +284,10 @@ impl Fitter<'_> {
         let columns = self.slopes(&u, &free, Links::Settled)?;
         let finite = residuals.iter().chain(columns.iter().flat_map(|column| column.iter())).all(|v| v.is_finite());
         let covariance = nalgebra::DMatrix::zeros(free.len(), free.len());
-        Ok(finite.then_some(Hypothesis { effects: effects.to_vec(), u, free, covariance, evidence: f64::NEG_INFINITY, residuals, columns }))
+        let cost = cost(&free, &self.precision(&free, effects), &u, &residuals);
+        let effects = effects.to_vec();
+        let evidence = f64::NEG_INFINITY;
+        Ok(finite.then_some(Hypothesis { effects, u, free, covariance, cost, evidence, is_close: false, residuals, columns }))
     }
 
     /// Fits the best candidates, and returns the best of them.
