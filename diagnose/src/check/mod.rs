@@ -149,6 +149,9 @@ pub fn check(
     cli::print(out, &format!("verdicts: SHA-256 {}  {}\n", committed.sum(), verdicts.display()))?;
     let labels = committed.open_labels(folder)?;
     cli::print(out, &format!("labels:   SHA-256 as sealed in {}\n", folder.join(LABELS_SUM).display()))?;
+    if spreads.iter().any(|spread| *spread != Spread::default()) {
+        cli::print(out, "Each was diagnosed beside the others, which say how far the robot file is off; --alone leaves that out.\n")?;
+    }
     let bar = cli::progress(recordings.len() as u64, "fitting what is true");
     for ((answer, spread), path) in answers.iter_mut().zip(&spreads).zip(&recordings) {
         let Some(label) = labels.get(&answer.name) else {
