@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::fit::{Fitter, Hypothesis, STRAINED};
 use super::rows::{ALL, Links};
 
-/// Step of difference quotients, in units of the slab, and at most this part of a spike.
+/// Step of difference quotients, in units of the slab, and at most a tolerance of the file.
 pub(super) const DIFFERENCE: f64 = 0.02;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
 const MOVED: f64 = 0.15;
@@ -168,7 +168,7 @@ impl Fitter<'_> {
             return Ok(Arc::new(vec![0.0; self.rows.tip_rows() + self.rows.torque_rows()]));
         }
         let coordinate = self.coordinates.all[c];
-        let step = coordinate.spike.map_or(DIFFERENCE, |spike| spike.min(DIFFERENCE));
+        let step = self.coordinates.tolerance(c).map_or(DIFFERENCE, |tolerance| tolerance.min(DIFFERENCE));
         let channels = self.channels_of(coordinate.effect, links);
         // A magnitude has no other side of zero, and no state more than the motion could leave.
         let [least, largest] = self.scale(c).limits_u();
