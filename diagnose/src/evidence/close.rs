@@ -25,7 +25,7 @@ impl Fitter<'_> {
         if leading.evidence - outcome.none.evidence > WITHIN_NATS {
             return Ok(());
         }
-        let Some(none) = self.fitted_closely(&[], &outcome.none.u)? else { return Ok(()) };
+        let Some(none) = self.fitted_closely(&[], &outcome.none.u, None)? else { return Ok(()) };
         let mut likely = self.as_likely(outcome, &leading, &none);
         // With the nominal model's numbers from either, and each effect without those that may have made good what the other fit lacked.
         let from_none = self.taking(&none.u, &leading.effects, &leading.u);
@@ -33,7 +33,7 @@ impl Fitter<'_> {
         if leading.effects.len() > 1 {
             likely.extend(leading.effects.iter().map(|&left_out| (leading.all_but(left_out), self.without(left_out, &from_none))));
         }
-        let mut close = side_by_side(&likely, |(effects, u)| self.fitted_closely(effects, u))?;
+        let mut close = side_by_side(&likely, |(effects, u)| self.fitted_closely(effects, u, Some(&none)))?;
         close.push(none);
         anchored(&mut close, &leading);
         close.iter().for_each(|hypothesis| outcome.keep(hypothesis));
@@ -47,12 +47,13 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Fits a hypothesis from a start by slopes of rolled-out links.
+    /// Fits a hypothesis from a start by slopes of rolled-out links, by those of `like` as [`Self::fit`] does: where joints stick by chance they
+    /// scatter, and what two hypotheses have in common is to scatter alike.
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub(super) fn fitted_closely(&self, effects: &[usize], start: &[f64]) -> Result<Option<Hypothesis>> {
-        self.fit_with(effects, start, None, Following::AllRolledOut)
+    pub(super) fn fitted_closely(&self, effects: &[usize], start: &[f64], like: Option<&Hypothesis>) -> Result<Option<Hypothesis>> {
+        self.fit_with(effects, start, like, Following::AllRolledOut)
     }
 
     /// The best hypothesis, or where that is none the one with effects beyond their scatter that has most evidence, if more than none.

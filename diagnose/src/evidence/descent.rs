@@ -12,9 +12,11 @@ use raven::Result;
 use super::fit::{Fitter, cost};
 use super::linear::{Quadratic, dot};
 
-/// A fit has converged when the next step promises, or the last one brought, less than this [nat], or than this part of the cost.
+/// A fit has converged when the next step promises, or the last one brought, less than this [nat], or than this part of the cost: causes that are
+/// the same are told apart by what is between fits by slopes of rolled-out links.
 const PROMISE_MIN: f64 = 0.05;
 const PART_MIN: f64 = 1e-4;
+const CLOSE_PART_MIN: f64 = 1e-5;
 /// Damping at the start, and the most before a fit gives up: slopes of settled links do not promise more than they can keep.
 const DAMPING: [f64; 2] = [1e-4, 10.0];
 /// How many times as much is tried next.
@@ -61,6 +63,7 @@ pub(super) struct Descent<'f> {
     /// `F` there [nat].
     pub(super) cost: f64,
     damping: f64,
+    part_min: f64,
 }
 
 impl<'f> Descent<'f> {
@@ -68,10 +71,25 @@ impl<'f> Descent<'f> {
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub(super) fn begun(fitter: &'f Fitter<'f>, free: &'f [usize], precision: &'f DVector<f64>, start: &[f64]) -> Result<Option<Self>> {
+    pub(super) fn begun(
+        fitter: &'f Fitter<'f>,
+        free: &'f [usize],
+        precision: &'f DVector<f64>,
+        start: &[f64],
+        closely: bool,
+    ) -> Result<Option<Self>> {
         let residuals = fitter.exact(start)?;
         let cost = cost(free, precision, start, &residuals);
-        Ok(cost.is_finite().then(|| Self { fitter, free, precision, u: start.to_vec(), residuals, cost, damping: DAMPING[0] }))
+        Ok(cost.is_finite().then(|| Self {
+            fitter,
+            free,
+            precision,
+            u: start.to_vec(),
+            residuals,
+            cost,
+            damping: DAMPING[0],
+            part_min: if closely { CLOSE_PART_MIN } else { PART_MIN },
+        }))
     }
 
     /// Where to go from here.
@@ -124,7 +142,7 @@ impl<'f> Descent<'f> {
 
     /// Less than this is not worth a step [nat].
     pub(super) fn least(&self) -> f64 {
-        PROMISE_MIN.max(PART_MIN * self.cost)
+        PROMISE_MIN.max(self.part_min * self.cost)
     }
 
     /// Whether no step goes down, however damped.

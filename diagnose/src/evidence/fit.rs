@@ -158,7 +158,8 @@ impl Fitter<'_> {
         effects.sort_unstable();
         let free = self.free(&effects);
         let precision = self.precision(&free, &effects);
-        let Some(mut at) = Descent::begun(self, &free, &precision, start)? else { return Ok(None) };
+        let is_close = following == Following::AllRolledOut;
+        let Some(mut at) = Descent::begun(self, &free, &precision, start, is_close)? else { return Ok(None) };
         let mut slopes = Slopes::begun(self, &effects, &free, start, like, following);
         let of_joints = slopes.of_joints();
         let steps = if following == Following::RolledOut { CLOSE_STEPS_MAX } else { STEPS_MAX };
@@ -196,7 +197,6 @@ impl Fitter<'_> {
         let Descent { u, residuals, cost, .. } = at;
         let Some((evidence, covariance)) = evidence(&information, &precision, cost) else { return Ok(None) };
         let columns = slopes.columns();
-        let is_close = following == Following::AllRolledOut;
         let mut hypothesis = Hypothesis { effects, u, free, covariance, cost, evidence, is_close, residuals, columns };
         hypothesis.evidence += self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &|c| hypothesis.std(c));
         Ok(Some(hypothesis))

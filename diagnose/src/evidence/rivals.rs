@@ -32,12 +32,13 @@ impl Fitter<'_> {
         if rivals.is_empty() {
             return Ok(());
         }
+        let Some(again) = self.fitted_closely(&best.effects, &best.u, None)? else { return Ok(()) };
         let of_rival = |(h, [found, other]): &(&Hypothesis, [usize; 2])| {
             let instead = self.taking(&self.without(*found, &best.u), &[*other], &h.u);
-            self.fitted_closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()))
+            self.fitted_closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()), Some(&again))
         };
-        let (fitted, again) = rayon::join(|| side_by_side(&rivals, of_rival), || self.fitted_closely(&best.effects, &best.u));
-        let mut close: Vec<Hypothesis> = fitted?.into_iter().chain(again?).collect();
+        let mut close = side_by_side(&rivals, of_rival)?;
+        close.push(again);
         anchored(&mut close, &best);
         self.taken(outcome, close.into_iter());
         Ok(())

@@ -47,7 +47,17 @@ fn moved_by(moves: fn(&[f64]) -> f64, moved: f64, sticks_below: f64) -> impl Fn(
 /// A hypothesis of which nothing is known but its evidence [nat].
 pub(crate) fn fitted(effects: Vec<usize>, evidence: f64) -> Hypothesis {
     let covariance = nalgebra::DMatrix::zeros(0, 0);
-    Hypothesis { effects, u: Vec::new(), free: Vec::new(), covariance, cost: -evidence, evidence, is_close: false, residuals: Vec::new(), columns: Vec::new() }
+    Hypothesis {
+        effects,
+        u: Vec::new(),
+        free: Vec::new(),
+        covariance,
+        cost: -evidence,
+        evidence,
+        is_close: false,
+        residuals: Vec::new(),
+        columns: Vec::new(),
+    }
 }
 
 /// Tips that are off as a row of sines says by its number; by one of them they are off by [`SEEN`] in the mean.
