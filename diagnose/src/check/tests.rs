@@ -201,17 +201,17 @@ fn labels_are_read_after_the_verdicts_are_written() {
 #[test]
 fn recordings_are_diagnosed_beside_the_others_of_their_rig() {
     let folder = sealed();
-    // Each finds its tool's length as the file has it; alone a radius is blamed.
-    let exact = Departures::of_one("tool-length", 0.0, 1e-3);
+    // Each finds its hard stops where the file has them; alone a radius is blamed.
+    let exact = Departures::of_kind("joint-offset", &[0.0; 3], 1e-3);
     let asked = RefCell::new(Vec::new());
     let diagnose = |log: &Path, spread: &Spread| {
-        let part = spread.part("tool-length");
+        let part = spread.part("joint-offset");
         asked.borrow_mut().push((log.file_stem().unwrap().to_string_lossy().into_owned(), part));
         let said = if part < 1.0 { verdict(Word::None, &[], &[]) } else { radius_of_the_elbow() };
         Ok(Diagnosed { verdict: said, departures: Some(exact.clone()) })
     };
     let told = |_: &Path, spread: &Spread, _: &[(&str, Option<&str>)]| {
-        assert!(spread.part("tool-length") < 1.0, "what is told goes by the same tolerances");
+        assert!(spread.part("joint-offset") < 1.0, "what is told goes by the same tolerances");
         Ok(None)
     };
     let verdicts = folder.path().join("verdicts.json");
@@ -219,7 +219,8 @@ fn recordings_are_diagnosed_beside_the_others_of_their_rig() {
     let asked = asked.into_inner();
     assert_eq!(asked.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["r001", "r002", "r001", "r002"]);
     assert_eq!((asked[0].1, asked[1].1), (1.0, 1.0));
-    assert_relative_eq!(asked[2].1, 0.5_f64.sqrt(), epsilon = 1e-3);
+    // Three that are exact and one that is stated.
+    assert_relative_eq!(asked[2].1, 0.5 / 0.7, epsilon = 1e-3);
     assert_eq!((score.top1.hits, score.false_alarms.hits), (0, 0));
 }
 
