@@ -4,11 +4,10 @@ use std::path::Path;
 
 use raven_tests::{json, typed};
 
-/// Records a rig that is as its file says, into a folder.
-fn record(folder: &Path, log: &str, seed: &str, effect: &[&str]) {
-    let words =
-        ["simulate", "--robot", "{robot.yaml}", "--cameras-out", "{cameras.yaml}", "--motion", "rich", "--duration", "12", "-o", log];
-    let words: Vec<&str> = words.iter().chain(&["--off-nominal", "0", "--seed", seed]).chain(effect).copied().collect();
+/// Records the same rig, which is as its files say, into a folder.
+fn record(folder: &Path, log: &str, motion: &str, effect: &[&str]) {
+    let words = ["simulate", "--robot", "{robot.yaml}", "--cameras-out", "{cameras.yaml}", "--duration", "12", "--seed", "1"];
+    let words: Vec<&str> = words.iter().chain(&["--motion", motion, "-o", log]).chain(effect).copied().collect();
     typed(folder, raven_capture::run, &words).unwrap();
 }
 
@@ -17,15 +16,15 @@ fn other_recordings_of_a_rig_say_how_far_it_is_off() {
     let folder = tempfile::tempdir().unwrap();
     raven::robot::nominal::gold().write(&folder.path().join("robot.yaml")).unwrap();
     // What is behind the others does not matter.
-    record(folder.path(), "{today.mcap}", "1", &["--effect", "tool-length=0.001"]);
-    record(folder.path(), "{monday.mcap}", "2", &[]);
-    record(folder.path(), "{tuesday.mcap}", "3", &["--effect", "pulley-radius:elbow=0.05"]);
+    record(folder.path(), "{today.mcap}", "rich", &["--effect", "tool-length=0.001"]);
+    record(folder.path(), "{monday.mcap}", "fls1", &[]);
+    record(folder.path(), "{tuesday.mcap}", "fls2", &["--effect", "pulley-radius:elbow=0.05"]);
     let words = ["{today.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--json", "{report.json}"];
     let beside = ["--beside", "{monday.mcap}", "{tuesday.mcap}"];
     let (_, printed) = typed(folder.path(), raven_diagnose::run, &[&words[..], &beside].concat()).unwrap();
     let report = json(folder.path(), "report.json");
     let part = |kind: &str| report["tolerance_parts"][kind].as_f64().unwrap_or_else(|| panic!("{kind}: {:#}", report["tolerance_parts"]));
-    assert!(part("joint-offset") < 0.8 && part("camera-translation") < 0.8, "{:#}", report["tolerance_parts"]);
+    assert!(part("pulley-radius") < 0.9 && part("camera-translation") < 0.9, "{:#}", report["tolerance_parts"]);
     assert!(printed.contains("numbers of the file are off by these parts of their tolerances: cable-coupling "), "{printed}");
     let twice = [&words[..], &["--beside", "{today.mcap}"]].concat();
     let refused = typed(folder.path(), raven_diagnose::run, &twice).unwrap_err();
