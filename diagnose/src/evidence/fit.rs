@@ -69,6 +69,16 @@ impl Hypothesis {
         self.effects.iter().copied().filter(|&effect| effect != left_out).collect()
     }
 
+    /// The one effect that it has and another hypothesis has not, and the one that this has in its place; nothing where they differ otherwise.
+    #[must_use]
+    pub fn swapped(&self, other: &Self) -> Option<[usize; 2]> {
+        let lacking = |one: &Self, another: &Self| {
+            let mut lacking = one.effects.iter().copied().filter(|effect| !another.effects.contains(effect));
+            lacking.next().filter(|_| lacking.next().is_none())
+        };
+        Some([lacking(self, other)?, lacking(other, self)?])
+    }
+
     /// Deviation of a coordinate; 0 if it is not free.
     #[must_use]
     pub fn std(&self, c: usize) -> f64 {

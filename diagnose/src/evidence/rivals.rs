@@ -46,11 +46,7 @@ impl Fitter<'_> {
 
     /// The effect of the best hypothesis in whose place another one has an effect of its own, and that, if this makes them rivals.
     fn rivalling(&self, best: &Hypothesis, other: &Hypothesis) -> Option<[usize; 2]> {
-        let lacking = |one: &Hypothesis, another: &Hypothesis| {
-            let mut lacking = one.effects.iter().copied().filter(|effect| !another.effects.contains(effect));
-            lacking.next().filter(|_| lacking.next().is_none())
-        };
-        let (found, instead) = (lacking(best, other)?, lacking(other, best)?);
+        let [found, instead] = best.swapped(other)?;
         (best.effects.len() == 1 || self.are_tied(found, instead)).then_some([found, instead])
     }
 }

@@ -12,6 +12,7 @@ use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::outcome::Outcome;
 use super::paired;
 use super::prior;
+use super::tied::TIED_NATS;
 
 /// An effect matters if it explains at least this part of what effects explain in one of the channels, and so much at all [nat].
 const MATERIAL: f64 = 0.005;
@@ -70,9 +71,17 @@ impl Fitter<'_> {
         // Nothing is known of these but that they fell behind, by differences that shrink as all do.
         let shrink = outcome.leftover.most().recip();
         outcome.screened.values_mut().for_each(|evidence| *evidence = after + (*evidence - before) * shrink);
-        let spurious = |h: &Hypothesis| self.has_immaterial(outcome, h) || self.lost_in_scatter(outcome, h).is_some();
-        let gone: BTreeMap<Vec<usize>, f64> =
-            outcome.fitted.par_iter().filter(|(_, (h, _))| spurious(h)).map(|(effects, (_, z))| (effects.clone(), *z)).collect();
+        let (material, mut gone): (Vec<_>, Vec<_>) = outcome.fitted.par_iter().partition(|(_, (h, _))| !self.has_immaterial(outcome, h));
+        let (sure, lost): (Vec<_>, Vec<_>) = material.into_par_iter().partition(|(_, (h, _))| self.lost_in_scatter(outcome, h).is_none());
+        // What does as well as an effect that is beyond its scatter, and is the same or nearly so, is as likely to be there.
+        let stands_in = |(h, z): &(Hypothesis, f64)| {
+            let ties = |(_, (other, of_other)): &(_, &(Hypothesis, f64))| {
+                *z > of_other - TIED_NATS && h.swapped(other).is_some_and(|[effect, instead]| self.are_tied(effect, instead))
+            };
+            sure.iter().any(ties)
+        };
+        gone.extend(lost.into_iter().filter(|(_, known)| !stands_in(known)));
+        let gone: BTreeMap<Vec<usize>, f64> = gone.into_iter().map(|(effects, (_, z))| (effects.clone(), *z)).collect();
         outcome.fitted.retain(|effects, _| !gone.contains_key(effects));
         // What the screen promised of more effects than these rests on them.
         outcome.screened.retain(|effects, _| !gone.keys().any(|gone| gone.iter().all(|effect| effects.contains(effect))));

@@ -161,3 +161,24 @@ fn nor_does_it_stand_in_for_another_effect_beside_what_is_the_same() {
     let twice = outcome.fitted.keys().find(|effects| effects.contains(&length) && effects.contains(&offset));
     assert_eq!(twice, None);
 }
+
+#[test]
+fn what_stands_in_for_an_effect_that_is_beyond_its_scatter_is_not_lost_in_its_own() {
+    // A slack does nearly what the offset does, which is small; of some sizes one is beyond its scatter alone.
+    let is_kept_for_the_other = |off: f64| {
+        let residuals = move |numbers: &[Option<&[f64]>], _: Links| {
+            let [offset, slack] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+            tips(|k| k.sin() * (off - offset - 0.95 * slack) - 0.3 * slack * (2.0 * k).sin())
+        };
+        let rows = Seen::new(&[("joint-offset", [2, 0]), ("backlash", [2, 0])], residuals);
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let outcome = fitter.search(|| {}).unwrap().unwrap();
+        let is_lost = |n: usize| {
+            let (hypothesis, _) = outcome.fitted.get(&vec![rows.effect(&coordinates, n)])?;
+            Some(fitter.lost_in_scatter(&outcome, hypothesis).is_some())
+        };
+        [is_lost(0), is_lost(1)] == [Some(false), Some(true)]
+    };
+    assert!((1..60).any(|step| is_kept_for_the_other(0.01 * f64::from(step))));
+}
