@@ -25,7 +25,7 @@ fn other_recordings_of_a_rig_say_how_far_it_is_off() {
     let report = json(folder.path(), "report.json");
     let part = |kind: &str| report["tolerance_parts"][kind].as_f64().unwrap_or_else(|| panic!("{kind}: {:#}", report["tolerance_parts"]));
     assert!(part("pulley-radius") < 0.9 && part("camera-translation") < 0.9, "{:#}", report["tolerance_parts"]);
-    assert!(printed.contains("numbers of the file are off by these parts of their tolerances: cable-coupling "), "{printed}");
+    assert!(printed.contains("these parts of the file's tolerances count: cable-coupling "), "{printed}");
     let twice = [&words[..], &["--beside", "{today.mcap}"]].concat();
     let refused = typed(folder.path(), raven_diagnose::run, &twice).unwrap_err();
     assert!(refused.contains("is the same recording as"), "{refused}");

@@ -78,7 +78,7 @@ pub struct Attribution {
     pub probability_outside: f64,
     /// Numbers of the robot file that are off by more than it allows them, beside the effects.
     pub file_numbers: Vec<FileNumber>,
-    /// By what part of their tolerances its numbers were taken to be off, by kind of effect; empty where no other recording says.
+    /// What part of its tolerances counted, by kind of effect; empty where no other recording says.
     pub tolerance_parts: Spread,
     /// How far these recordings take its numbers to be off; nothing where they hold something that is not explained.
     #[serde(skip)]

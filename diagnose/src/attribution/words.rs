@@ -231,12 +231,12 @@ pub fn words(attribution: &Attribution) -> String {
     text
 }
 
-/// How far the file's numbers were taken to be off, where other recordings of the rig say.
+/// What part of the file's tolerances counted, where other recordings of the rig say.
 #[must_use]
 pub fn spread(attribution: &Attribution) -> Option<String> {
     let parts: Vec<String> = attribution.tolerance_parts.parts().map(|(kind, part)| format!("{kind} {part:.2}")).collect();
     let parts = (!parts.is_empty()).then(|| parts.join(", "))?;
-    Some(format!("By the other recordings of the rig, numbers of the file are off by these parts of their tolerances: {parts}."))
+    Some(format!("By the other recordings of the rig, these parts of the file's tolerances count: {parts}."))
 }
 
 /// The smallest size of each effect that would have been named, place by place, and what could not be seen at all.
