@@ -234,7 +234,7 @@ fn beside(model: &Model, logs: &[PathBuf]) -> Result<Spread> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(Spread::of(&others.iter().collect::<Vec<_>>(), &Spread::default()))
+    Ok(Spread::of(&others.iter().collect::<Vec<_>>()))
 }
 
 /// On a simulated slide whose friction was 2.5 times the simulation's the search found nothing: it must not say that there is nothing.

@@ -28,8 +28,7 @@ pub(super) fn file_numbers(fitter: &Fitter, hypothesis: &Hypothesis, deviations:
     let coordinates = fitter.coordinates;
     let of = |(&c, &std): (&usize, &f64)| {
         let coordinate = coordinates.all[c];
-        let is_of_file = !coordinate.is_unknown() && !hypothesis.effects.contains(&coordinate.effect);
-        let tolerance = coordinates.tolerance(c).filter(|_| is_of_file)?;
+        let tolerance = coordinates.tolerance(c).filter(|_| coordinates.is_of_file(c, &hypothesis.effects))?;
         let (sited, u) = (&coordinates.sited[coordinate.effect], hypothesis.u[c]);
         let is_moved = u.abs() > TOLERANCES * tolerance && u.abs() > DEVIATIONS * std;
         is_moved.then(|| FileNumber {

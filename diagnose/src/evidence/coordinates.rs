@@ -91,6 +91,13 @@ impl Coordinates {
         self
     }
 
+    /// Whether a number is one of the file's, which it knows and none of some effects is about.
+    #[must_use]
+    pub fn is_of_file(&self, c: usize, effects: &[usize]) -> bool {
+        let coordinate = self.all[c];
+        coordinate.spike.is_some() && !coordinate.is_unknown() && !effects.contains(&coordinate.effect)
+    }
+
     /// The file's own tolerance of a number of the nominal model, in `u`.
     #[must_use]
     pub fn tolerance(&self, c: usize) -> Option<f64> {

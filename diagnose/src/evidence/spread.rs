@@ -85,8 +85,7 @@ impl Fitter<'_> {
         // An effect's own numbers have no tolerance: they stay in the units of its prior.
         let number = |&c: &usize| {
             let coordinate = coordinates.all[c];
-            let is_of_file = !hypothesis.effects.contains(&coordinate.effect) && !coordinate.is_unknown();
-            match coordinate.spike.filter(|_| is_of_file) {
+            match coordinate.spike.filter(|_| coordinates.is_of_file(c, &hypothesis.effects)) {
                 Some(spike) => (Some(coordinates.sited[coordinate.effect].effect.id), spike),
                 None => (None, 1.0),
             }
@@ -115,10 +114,15 @@ impl Serialize for Spread {
 }
 
 impl Spread {
-    /// As other recordings of the rig show it: as stated where there are none, and never more than that. Begins `from` what is near.
+    /// As other recordings of the rig show it: as stated where there are none, and never more than that.
     #[must_use]
-    pub fn of(others: &[&Departures], from: &Self) -> Self {
-        let mut spread = if others.is_empty() { Self::default() } else { from.clone() };
+    pub fn of(others: &[&Departures]) -> Self {
+        Self::default().settled(others)
+    }
+
+    /// The same from where it is, which may be near.
+    fn settled(&self, others: &[&Departures]) -> Self {
+        let mut spread = self.clone();
         for _ in 0..ROUNDS_MAX {
             let next = spread.improved(others);
             let change = next.off.iter().map(|(kind, off)| (off / spread.off(kind) - 1.0).abs()).fold(0.0, f64::max);
@@ -137,8 +141,8 @@ impl Spread {
             let kept = all.iter().enumerate().filter(|(at, _)| Some(*at) != left_out);
             kept.filter_map(|(_, departures)| departures.as_ref()).collect::<Vec<_>>()
         };
-        let together = Self::of(&but(None), &Self::default());
-        (0..all.len()).into_par_iter().map(|at| Self::of(&but(Some(at)), &together)).collect()
+        let together = Self::of(&but(None));
+        (0..all.len()).into_par_iter().map(|at| together.settled(&but(Some(at)))).collect()
     }
 
     /// Part of the stated tolerance that counts in its place for numbers of a kind.
@@ -192,7 +196,7 @@ mod tests {
     }
 
     fn of_all(all: &[Departures]) -> Spread {
-        Spread::of(&all.iter().collect::<Vec<_>>(), &Spread::default())
+        Spread::of(&all.iter().collect::<Vec<_>>())
     }
 
     #[test]

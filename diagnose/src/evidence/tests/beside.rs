@@ -34,7 +34,7 @@ fn found(tolerances: f64, spread: &Spread) -> (Vec<&'static str>, Departures) {
 fn what_is_within_its_tolerance_stands_out_where_the_rig_is_exact() {
     let (effects, exact) = found(0.0, &Spread::default());
     assert!(effects.is_empty());
-    let spread = Spread::of(&[&exact; 20], &Spread::default());
+    let spread = Spread::of(&[&exact; 20]);
     // What is stated against twenty that are exact; nothing shows of the other two couplings.
     approx::assert_relative_eq!(spread.part("cable-coupling"), 21.0_f64.powf(-0.5) / 0.7, max_relative = 0.15);
     let off = 1.5;
@@ -47,7 +47,7 @@ fn what_is_within_its_tolerance_stands_out_where_the_rig_is_exact() {
 fn what_is_off_by_its_tolerance_in_every_recording_is_no_effect_beside_them() {
     let (effects, off) = found(1.5, &Spread::default());
     assert!(effects.is_empty());
-    let spread = Spread::of(&[&off; 20], &Spread::default());
+    let spread = Spread::of(&[&off; 20]);
     assert_eq!(spread.part("cable-coupling"), 1.0);
     assert!(found(1.5, &spread).0.is_empty());
 }
@@ -57,5 +57,5 @@ fn a_number_that_an_effect_is_about_says_nothing_of_the_others() {
     let (effects, effect) = found(15.0, &Spread::default());
     assert_eq!(effects, ["cable-coupling"]);
     // Of what the other couplings are nothing shows.
-    assert!(Spread::of(&[&effect; 20], &Spread::default()).parts().all(|(_, part)| part > 0.999));
+    assert!(Spread::of(&[&effect; 20]).parts().all(|(_, part)| part > 0.999));
 }
