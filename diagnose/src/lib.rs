@@ -25,7 +25,7 @@ use raven::{Error, Result, files};
 use serde::Serialize;
 
 use crate::against::Against;
-use crate::attribution::{Attribution, Model};
+use crate::attribution::{Attribution, Nominal};
 use crate::evidence::spread::{Departures, Spread};
 use crate::gap::{Gap, MotorMotion};
 use crate::residual::{Channels, Residuals, channels};
@@ -131,8 +131,8 @@ pub fn print_library(out: &mut dyn Write) -> Result<Outcome> {
 ///
 /// # Errors
 /// If the recording cannot be read or has nothing to hold against the model.
-pub fn diagnose_recording(log: &Path, model: &Model) -> Result<check::Diagnosed> {
-    let attribution = causes(model, &[Recording::read(log, &model.robot.into())?])?;
+pub fn diagnose_recording(log: &Path, nominal: &Nominal) -> Result<check::Diagnosed> {
+    let attribution = causes(nominal, &[Recording::read(log, &nominal.robot.into())?])?;
     Ok(check::Diagnosed { verdict: (&attribution).into(), departures: attribution.departures })
 }
 
@@ -140,9 +140,9 @@ pub fn diagnose_recording(log: &Path, model: &Model) -> Result<check::Diagnosed>
 ///
 /// # Errors
 /// As [`diagnose_recording`].
-pub fn when_told(log: &Path, model: &Model, effects: &[(&str, Option<&str>)]) -> Result<Option<check::Told>> {
-    let recording = Recording::read(log, &model.robot.into())?;
-    Ok(attribution::when_told(model, &[recording], effects)?.as_ref().map(check::Told::from))
+pub fn when_told(log: &Path, nominal: &Nominal, effects: &[(&str, Option<&str>)]) -> Result<Option<check::Told>> {
+    let recording = Recording::read(log, &nominal.robot.into())?;
+    Ok(attribution::when_told(nominal, &[recording], effects)?.as_ref().map(check::Told::from))
 }
 
 /// Runs the program.
@@ -190,9 +190,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     if report.against.is_some() && matches!(robot.kinematics, KinematicsKind::Bench) {
         report.no_diagnosis = Some(NO_CAUSES_OF_BENCH.to_owned());
     } else if !args.gap_only {
-        let model = Model::new(&robot, cameras.as_ref());
-        let spread = beside(&model, &args.beside)?;
-        match causes(&Model { spread, ..model }, &recordings) {
+        let nominal = Nominal::new(&robot, cameras.as_ref());
+        let spread = beside(&nominal, &args.beside)?;
+        match causes(&Nominal { spread, ..nominal }, &recordings) {
             Ok(mut attribution) => {
                 attribution.remarks.extend(report.against.as_ref().map(Against::remark));
                 report.attribution = Some(attribution);
@@ -218,19 +218,19 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
 }
 
 /// What recordings say of causes.
-fn causes(model: &Model, recordings: &[Recording]) -> Result<Attribution> {
+fn causes(nominal: &Nominal, recordings: &[Recording]) -> Result<Attribution> {
     let bar = cli::progress(STEPS, "looking for causes");
-    let attribution = attribution::attribute(model, recordings, || bar.inc(1));
+    let attribution = attribution::attribute(nominal, recordings, || bar.inc(1));
     bar.finish_and_clear();
     attribution
 }
 
-/// How far other recordings of the rig, each diagnosed alone, take the model's numbers to be off.
-fn beside(model: &Model, logs: &[PathBuf]) -> Result<Spread> {
+/// How far other recordings of the rig, each diagnosed alone, take the file's numbers to be off.
+fn beside(nominal: &Nominal, logs: &[PathBuf]) -> Result<Spread> {
     let bar = cli::progress(logs.len() as u64, "diagnosing other recordings");
     let mut others: Vec<Departures> = Vec::new();
     for log in logs {
-        others.extend(diagnose_recording(log, model)?.departures);
+        others.extend(diagnose_recording(log, nominal)?.departures);
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use raven::robot::nominal;
 use raven::simulation::{Case, Motion, Outside, SealedFolder, Sway};
-use raven_diagnose::attribution::Model;
+use raven_diagnose::attribution::Nominal;
 use raven_diagnose::check::{Diagnosed, Names, check};
 use raven_diagnose::evidence::spread::Spread;
 use raven_diagnose::{diagnose_recording, when_told};
@@ -38,7 +38,7 @@ fn a_frozen_set_is_diagnosed_blind() {
     let mut sealed = SealedFolder::open(folder.path()).unwrap();
     sealed.add_all(&robot, &cases, &SealedFolder::options(), || {}).unwrap();
     let cameras = raven::camera::Cameras::read(&folder.path().join("cameras.yaml")).unwrap();
-    let model = Model::new(&robot, Some(&cameras));
+    let model = Nominal::new(&robot, Some(&cameras));
     // Each alone: that recordings tell each other how far the robot is off is a test of its own.
     let diagnose = |log: &Path, _: &Spread| Ok(Diagnosed { departures: None, ..diagnose_recording(log, &model)? });
     let oracle = |log: &Path, _: &Spread, effects: &[(&str, Option<&str>)]| when_told(log, &model, effects);

@@ -3,7 +3,7 @@
 use raven::camera::Cameras;
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, SealedFolder, Session};
-use raven_diagnose::attribution::Model;
+use raven_diagnose::attribution::Nominal;
 use raven_diagnose::diagnose_recording;
 
 const PROCESSOR_S: f64 = 120.0;
@@ -35,7 +35,7 @@ fn a_long_recording_with_two_effects_stays_within_its_budget() {
         return;
     };
     let start = std::time::Instant::now();
-    let verdict = diagnose_recording(&log, &Model::new(&robot, Some(&Cameras::read(&cameras).unwrap()))).unwrap().verdict;
+    let verdict = diagnose_recording(&log, &Nominal::new(&robot, Some(&Cameras::read(&cameras).unwrap()))).unwrap().verdict;
     let (after, peak_kb) = spent().unwrap();
     eprintln!("{:.1} s, {:.1} s of processor, {:.0} MB", start.elapsed().as_secs_f64(), after - before, 1e-3 * peak_kb);
     let named: Vec<&str> = verdict.effects.iter().map(|effect| effect.id.as_str()).collect();

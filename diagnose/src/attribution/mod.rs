@@ -38,9 +38,9 @@ use crate::evidence::outcome::Outcome;
 use crate::evidence::rows::Rows;
 use crate::evidence::spread::{Departures, Spread};
 
-/// The model that recordings are held against.
+/// The nominal model: what recordings are held against.
 #[derive(Debug, Clone)]
-pub struct Model<'a> {
+pub struct Nominal<'a> {
     /// Its numbers, and their tolerances.
     pub robot: &'a Robot,
     /// Those the tips were tracked with.
@@ -49,7 +49,7 @@ pub struct Model<'a> {
     pub spread: Spread,
 }
 
-impl<'a> Model<'a> {
+impl<'a> Nominal<'a> {
     /// Whose numbers are off by their tolerances, as nothing else is known of them.
     #[must_use]
     pub fn new(robot: &'a Robot, cameras: Option<&'a Cameras>) -> Self {
@@ -177,8 +177,8 @@ const LEADING_MIN: f64 = 0.05;
 ///
 /// # Errors
 /// If the recordings cannot carry a diagnosis.
-pub fn attribute(model: &Model, recordings: &[Recording], each: impl FnMut()) -> Result<Attribution> {
-    let Model { robot, cameras, spread } = model;
+pub fn attribute(nominal: &Nominal, recordings: &[Recording], each: impl FnMut()) -> Result<Attribution> {
+    let Nominal { robot, cameras, spread } = nominal;
     if matches!(robot.kinematics, KinematicsKind::Bench) {
         let bench = Bench::new(robot, recordings)?;
         let remarks = bench.remarks().into_iter().map(str::to_owned).collect();
@@ -232,8 +232,8 @@ pub struct Told {
 ///
 /// # Errors
 /// As [`attribute`].
-pub fn when_told(model: &Model, recordings: &[Recording], effects: &[(&str, Option<&str>)]) -> Result<Option<Told>> {
-    let Model { robot, cameras, spread } = model;
+pub fn when_told(nominal: &Nominal, recordings: &[Recording], effects: &[(&str, Option<&str>)]) -> Result<Option<Told>> {
+    let Nominal { robot, cameras, spread } = nominal;
     let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, *cameras)).collect::<Result<_>>()?;
     let rows = Rows::new(robot, *cameras, &data)?;
     let coordinates = Coordinates::new(robot, &rows).spread(spread);

@@ -34,7 +34,7 @@ use raven::robot::{Robot, nominal};
 use raven::simulation::{CAMERAS, LABELS, LABELS_SUM, SealedFolder, sealed_set};
 use raven::{Error, Result, files};
 
-use crate::attribution::Model;
+use crate::attribution::Nominal;
 use crate::evidence::spread::Spread;
 
 /// Diagnoses the recordings of a sealed folder blind, then opens the labels and prints the score.
@@ -98,12 +98,12 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     let cameras_path = args.cameras.clone().unwrap_or_else(|| folder.join(CAMERAS));
     let cameras = if args.cameras.is_some() || cameras_path.exists() { Some(Cameras::read(&cameras_path)?) } else { None };
-    let model = |spread: &Spread| Model { spread: spread.clone(), ..Model::new(&robot, cameras.as_ref()) };
+    let nominal = |spread: &Spread| Nominal { spread: spread.clone(), ..Nominal::new(&robot, cameras.as_ref()) };
     let diagnose = |log: &Path, spread: &Spread| {
-        let Diagnosed { verdict, departures } = crate::diagnose_recording(log, &model(spread))?;
+        let Diagnosed { verdict, departures } = crate::diagnose_recording(log, &nominal(spread))?;
         Ok(Diagnosed { verdict, departures: departures.filter(|_| !args.alone) })
     };
-    let oracle = |log: &Path, spread: &Spread, effects: &[(&str, Option<&str>)]| crate::when_told(log, &model(spread), effects);
+    let oracle = |log: &Path, spread: &Spread, effects: &[(&str, Option<&str>)]| crate::when_told(log, &nominal(spread), effects);
     let json = args.json.as_deref();
     // Standard output may be for the machine alone; the sums have to be seen all the same.
     let mut aside = std::io::stderr();

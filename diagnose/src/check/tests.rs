@@ -229,7 +229,7 @@ fn an_effect_that_no_recording_of_the_robot_can_show_does_not_end_the_check() {
     let folder = sealed();
     let log = folder.path().join("r001.mcap");
     let backwards = ("cable-coupling", Some("elbow->shoulder"));
-    assert!(crate::when_told(&log, &Model::new(&nominal::gold(), None), &[backwards]).unwrap().is_none());
+    assert!(crate::when_told(&log, &Nominal::new(&nominal::gold(), None), &[backwards]).unwrap().is_none());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use raven::robot::Robot;
 use raven::simulation::{Motion, Options, Session};
 use raven_tests::shared;
 
-use crate::attribution::{Attribution, Closure, Model, Word, attribute};
+use crate::attribution::{Attribution, Closure, Nominal, Word, attribute};
 
 fn slide() -> Robot {
     Robot::parse(Path::new("slide.yaml"), include_str!("../../../tests/slide.yaml")).unwrap()
@@ -18,7 +18,7 @@ fn of(robot: &Robot, hidden: &[&str]) -> Attribution {
     let path = folder.path().join("slide.mcap");
     let effects = hidden.iter().map(|text| text.parse().unwrap()).collect();
     Session::new(robot, Options { effects, ..Options::default() }).unwrap().record(Motion::Bench, 40.0, &path, |_| {}).unwrap();
-    attribute(&Model::new(robot, None), &[Recording::read(&path, &robot.into()).unwrap()], || {}).unwrap()
+    attribute(&Nominal::new(robot, None), &[Recording::read(&path, &robot.into()).unwrap()], || {}).unwrap()
 }
 
 fn channel<'a>(attribution: &'a Attribution, name: &str) -> &'a Closure {
@@ -58,7 +58,7 @@ fn real_benches_have_their_gap() {
         let files = [format!("robot/{robot}.yaml"), format!("data/real/{log}.mcap")].map(|file| shared(&file));
         let [Some(robot), Some(log)] = files else { continue };
         let robot = Robot::read(&robot).unwrap();
-        let attribution = attribute(&Model::new(&robot, None), &[Recording::read(&log, &(&robot).into()).unwrap()], || {}).unwrap();
+        let attribution = attribute(&Nominal::new(&robot, None), &[Recording::read(&log, &(&robot).into()).unwrap()], || {}).unwrap();
         let gap = channel(&attribution, name);
         eprintln!("{gap:?}");
         assert!(gap.closed.unwrap() > 0.5 && gap.closed_ci95.unwrap()[0] > 0.5, "{gap:?}");
