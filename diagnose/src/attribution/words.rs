@@ -232,8 +232,7 @@ pub fn words(attribution: &Attribution) -> String {
 }
 
 /// What part of the file's tolerances counted, where other recordings of the rig say.
-#[must_use]
-pub fn spread(attribution: &Attribution) -> Option<String> {
+fn spread(attribution: &Attribution) -> Option<String> {
     let parts: Vec<String> = attribution.tolerance_parts.parts().map(|(kind, part)| format!("{kind} {part:.2}")).collect();
     let parts = (!parts.is_empty()).then(|| parts.join(", "))?;
     Some(format!("By the other recordings of the rig, these parts of the file's tolerances count: {parts}."))

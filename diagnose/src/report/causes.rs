@@ -7,7 +7,7 @@ use raven::effects::{Effect, Home, at_place};
 use raven::robot::Robot;
 
 use super::{Candidate, Detectable, GapBar, Page, remaining};
-use crate::attribution::{Attribution, Blamed, FileNumber, Remaining, at, off, sentence, size, spread, tied, together};
+use crate::attribution::{Attribution, Blamed, FileNumber, Remaining, at, off, sentence, size, tied, together};
 
 /// Files of a diagnosis, as they were typed.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +27,7 @@ const TORQUE_CLOSED: f64 = 0.05;
 pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, files: Files) {
     page.verdict = attribution.verdict.name().to_owned();
     page.verdict_sentence = sentence(attribution);
-    page.remarks.extend(attribution.remarks.iter().cloned().chain(spread(attribution)));
+    page.remarks.extend(attribution.remarks.iter().cloned());
     page.gaps = attribution.gap.iter().map(bar).collect();
     if !attribution.effects.is_empty() {
         let shown = |remaining: &&Remaining| !remaining.of_drive || closes(attribution, &remaining.channel);
@@ -58,6 +58,7 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
     page.next_steps.extend(put_in(&attribution.effects, robot, files));
     let file_number = |of: &FileNumber| format!("{}, {:.1} of its tolerances off.", off(of), of.tolerances.abs());
     page.file_numbers = attribution.file_numbers.iter().map(file_number).collect();
+    page.tolerance_parts = attribution.tolerance_parts.parts().map(|(kind, part)| (kind.to_owned(), part)).collect();
     let detectable = attribution
         .minimum_detectable
         .iter()

@@ -16,6 +16,10 @@ const WHOLE: &str = "whole set-up";
 const MOTORS_ARE: &str =
     "How far motors that the recorded torque drives through the model come from where they were recorded (rms, at the joint).";
 
+/// What the table of tolerances has.
+const TOLERANCES_ARE: &str =
+    "The part of what the robot file says its numbers may be off by that counts, as the other recordings of the rig show it.";
+
 const STYLE: &str = include_str!("style.css");
 
 /// The page as one HTML document that needs nothing else.
@@ -34,6 +38,7 @@ pub fn html(page: &Page) -> String {
         }),
         section("What cannot be told apart", "", page.ties.is_empty(), || list("ul", &page.ties)),
         section("What the robot file has wrong", "", page.file_numbers.is_empty(), || list("ul", &page.file_numbers)),
+        section("What counts of the file's tolerances", "", page.tolerance_parts.is_empty(), || tolerance_parts(&page.tolerance_parts)),
         section("What to do next", "", page.next_steps.is_empty(), || list("ol", &page.next_steps)),
         section("What could have been seen", "", page.detectable.is_empty() && page.not_observable.is_empty(), || sensitivity(page)),
         section("Recordings", "", page.recordings.is_empty(), || list("ul class=\"files\"", &page.recordings)),
@@ -126,6 +131,15 @@ fn motors(all: &[MotorMotion]) -> String {
     )
 }
 
+fn tolerance_parts(parts: &[(String, f64)]) -> String {
+    let row = |(kind, part): &(String, f64)| format!("<tr><td>{}</td><td class=\"n\">{:.0} %</td></tr>\n", escape(kind), 100.0 * part);
+    let rows: String = parts.iter().map(row).collect();
+    format!(
+        "<table class=\"narrow\">\n<thead><tr><th scope=\"col\">numbers about</th><th scope=\"col\" class=\"n\">counts</th></tr></thead>\n\
+         <tbody>\n{rows}</tbody>\n</table>\n<p class=\"small\">{TOLERANCES_ARE}</p>"
+    )
+}
+
 fn sensitivity(page: &Page) -> String {
     let mut content = String::new();
     if !page.detectable.is_empty() {
@@ -167,6 +181,7 @@ mod tests {
             "after 0.2 s</th>",
             "<td>shoulder</td><td>deg</td><td class=\"n\">0.00412</td>",
             "torque integrated twice",
+            "<td>tool-length</td><td class=\"n\">31 %</td>",
         ] {
             assert!(page.contains(part), "{part}");
         }
@@ -194,6 +209,7 @@ mod tests {
         page.ties = vec![bad.clone()];
         page.next_steps = vec![bad.clone()];
         page.file_numbers = vec![bad.clone()];
+        page.tolerance_parts = vec![(bad.clone(), 1.0)];
         page.not_observable = vec![(bad.clone(), bad.clone())];
         for gap in &mut page.gaps {
             (gap.channel, gap.unit) = (bad.clone(), bad.clone());

@@ -44,6 +44,8 @@ pub struct Page {
     pub ties: Vec<String>,
     /// Numbers of the robot file that are off, in words.
     pub file_numbers: Vec<String>,
+    /// What part of the robot file's tolerances counts, by the kind of effect its numbers would be.
+    pub tolerance_parts: Vec<(String, f64)>,
     /// What to do next, in sentences.
     pub next_steps: Vec<String>,
     /// Smallest sizes that the recording could have shown.

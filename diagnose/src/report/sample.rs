@@ -84,6 +84,7 @@ pub fn sample() -> Page {
                 .to_owned(),
         ],
         file_numbers: vec!["motor-coulomb-friction at the elbow: factor 0.62 +- 0.05, 3.1 of its tolerances off.".to_owned()],
+        tolerance_parts: vec![("joint-offset".to_owned(), 0.52), ("tool-length".to_owned(), 0.31)],
         next_steps: vec![
             "Write the radius into robot.yaml: raven-identify --parameters r_l1.".to_owned(),
             "Record 20 s with the shoulder over its whole range; expected evidence 40 nat against joint-offset.".to_owned(),
