@@ -6,8 +6,8 @@
 use raven::Result;
 
 use super::fit::{Fitter, Hypothesis, side_by_side};
-use super::lost::LOST_NATS;
 use super::outcome::Outcome;
+use super::refit::LOST_NATS;
 use super::search::WITHIN_NATS;
 use super::slopes::Following;
 

@@ -11,22 +11,18 @@
 //!
 //! A soft cable is fitted on by slopes of rolled-out links before anything is looked for beside it, and what an effect is known to stand in for is
 //! fitted from the values that do about the same: from far away a soft cable's slopes lead anywhere, but creep that is over within seconds is one.
-//!
-//! A hypothesis with more effects can be where one with fewer is. Where it is farther from the recordings it is fitted again from there.
 
 use std::collections::BTreeSet;
 
 use raven::Result;
 use raven::effects::{Effect, Element, Sited};
 
-use super::fit::{Fitter, Hypothesis, cost, side_by_side};
+use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::linear::dot;
 use super::outcome::Outcome;
 use super::search::{EFFECTS_MAX, HOPE_NATS, WITHIN_NATS};
 use super::slopes::Following;
 
-/// A fit is lost that is so much worse [nat] than where it could be: what is less is where joints stick.
-pub(super) const LOST_NATS: f64 = 1.0;
 /// Effects that are fitted again: the best so far.
 const AGAIN: usize = 2;
 /// Starts of each: some, evenly spread over those of the screen; and of slacks that help beside the best hypothesis as they stand.
@@ -40,32 +36,6 @@ const SOFT: f64 = 0.1;
 const CLOSELY: usize = 2;
 
 impl Fitter<'_> {
-    /// By how much a hypothesis is worse than at the numbers of a poorer one, which are among its own [nat].
-    pub(super) fn lost_nats(&self, richer: &Hypothesis, poorer: &Hypothesis) -> f64 {
-        let precision = self.precision(&richer.free, &richer.effects);
-        let there = cost(&richer.free, &precision, &richer.u, &richer.residuals);
-        let here = cost(&richer.free, &precision, &self.mildly(&richer.effects, &poorer.u), &poorer.residuals);
-        (there - here).max(0.0)
-    }
-
-    /// Whether it is lost.
-    pub(super) fn is_lost(&self, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
-        self.lost_nats(richer, poorer) > LOST_NATS
-    }
-
-    /// Other numbers than those that a hypothesis came to, if it is lost beside them.
-    pub(super) fn cheaper(&self, hypothesis: &Hypothesis, other: Vec<f64>) -> Result<Option<Vec<f64>>> {
-        let precision = self.precision(&hypothesis.free, &hypothesis.effects);
-        let here = cost(&hypothesis.free, &precision, &hypothesis.u, &hypothesis.residuals);
-        Ok((self.cost_at(&hypothesis.effects, &other)? < here - LOST_NATS).then_some(other))
-    }
-
-    /// What some numbers cost under a hypothesis of these effects [nat].
-    pub(super) fn cost_at(&self, effects: &[usize], u: &[f64]) -> Result<f64> {
-        let free = self.free(effects);
-        Ok(cost(&free, &self.precision(&free, effects), u, &self.exact(u)?))
-    }
-
     /// Fits again what the search may have lost. Tells whether the best hypothesis is another one afterwards.
     pub(super) fn found_again(&self, outcome: &mut Outcome, nominal: &Hypothesis) -> Result<bool> {
         if self.stood_in(outcome)? || self.one_for_several(outcome)? {

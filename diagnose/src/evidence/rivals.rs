@@ -9,6 +9,7 @@ use raven::Result;
 use super::close::anchored;
 use super::fit::{Fitter, Hypothesis, side_by_side};
 use super::outcome::Outcome;
+use super::refit::LOST_NATS;
 
 /// Rivals are as near the best as this, what that leaves counting as noise [nat], so many of them at most.
 const RIVALS_NATS: f64 = 10.0;
@@ -35,7 +36,8 @@ impl Fitter<'_> {
         let Some(again) = self.fitted_closely(&best.effects, &best.u, None)? else { return Ok(()) };
         let of_rival = |(h, [found, other]): &(&Hypothesis, [usize; 2])| {
             let instead = self.taking(&self.without(*found, &best.u), &[*other], &h.u);
-            self.fitted_closely(&h.effects, &self.cheaper(h, instead)?.unwrap_or_else(|| h.u.clone()), Some(&again))
+            let is_nearer = self.cost_at(&h.effects, &instead)? < h.cost - LOST_NATS;
+            self.fitted_closely(&h.effects, if is_nearer { &instead } else { &h.u }, Some(&again))
         };
         let mut close = side_by_side(&rivals, of_rival)?;
         close.push(again);
