@@ -48,7 +48,7 @@ use std::time::Instant;
 use clap::{Parser, Subcommand};
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::{MotorSource, Recording, Side};
+use raven::log::{LogWriter, MotorSource, Recording, Side};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
@@ -164,6 +164,8 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
             "base_from_left is missing: the cameras are not registered to the robot. Run `raven-calibrate register` first.",
         )
     })?;
+    // What cannot be written is said before anything is tracked.
+    drop(LogWriter::computed(&args.output)?);
     let recording = Recording::read(&args.log, &MotorSource::from(&robot))?;
     let predictor = Predictor::new(&recording, &robot, cameras.latency_s)?;
     let frames: u64 = Side::BOTH.into_iter().map(|side| Ok(recording.require_images(side)?.1)).sum::<Result<_>>()?;
@@ -187,7 +189,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
     let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
     let contents = output::Contents { tips: &tips.tips, metadata: &metadata, records, robot: &robot_text, cameras: &cameras_text };
     let seconds = started.elapsed().as_secs_f64();
-    let report = Report::new(&tips, &followed, counts, seconds);
+    let report = Report::new(&recording, &tips, &followed, counts, seconds);
     // A run in which nothing was seen is the one of which pictures are wanted most.
     if let (Some(path), Some(album)) = (&args.html, album) {
         let shared = shared::of_tips(&cameras, &tips.tips, &predictor.hard_stop_tip()).filter(|_| report.seen > 0);
@@ -210,6 +212,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
 
     let report = Report { seconds, pairs_per_second: report.pairs as f64 / seconds.max(1e-9), ..report };
     cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
+    report.unusable.iter().for_each(|sentence| cli::warn(sentence));
     Ok(if report.has_lost_data() { Outcome::DataLost } else { Outcome::Done })
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use raven::log::{Side, TipStatus};
+use raven::log::{Recording, Side, TipStatus};
 use serde::Serialize;
 
 use crate::batches::Counts;
@@ -54,12 +54,14 @@ pub struct Report {
     pub frames_out_of_view: usize,
     /// When a camera sent nothing that could be used.
     pub missing: Vec<Missing>,
+    /// A sentence about other messages than frames that could not be used.
+    pub unusable: Option<String>,
 }
 
 impl Report {
     /// Of the observations and what was counted on the way.
     #[must_use]
-    pub fn new(tips: &Tips, followed: &Followed, counts: Counts, seconds: f64) -> Self {
+    pub fn new(recording: &Recording, tips: &Tips, followed: &Followed, counts: Counts, seconds: f64) -> Self {
         let count = |status| tips.tips.iter().filter(|tip| tip.status == status).count();
         Self {
             pairs: tips.tips.len(),
@@ -76,13 +78,14 @@ impl Report {
             frames_without_motor: followed.without_motor,
             frames_out_of_view: followed.out_of_view.iter().sum(),
             missing: missing(&followed.records),
+            unusable: recording.unusable(),
         }
     }
 
     /// Whether some of the recording could not be used.
     #[must_use]
     pub const fn has_lost_data(&self) -> bool {
-        self.frames_undecodable > 0 || self.frames_other_size > 0
+        self.frames_undecodable > 0 || self.frames_other_size > 0 || self.unusable.is_some()
     }
 }
 

@@ -71,6 +71,7 @@ pub fn sentences(page: &Page<'_>) -> Vec<(String, bool)> {
     for Missing { camera, from_s, seconds } in &report.missing {
         all.push((format!("The {} camera sent nothing for {seconds:.1} s, from {from_s:.1} s on.", camera.name()), true));
     }
+    all.extend(report.unusable.iter().map(|sentence| (sentence.clone(), true)));
     all
 }
 

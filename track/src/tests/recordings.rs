@@ -256,6 +256,38 @@ fn truncated_frames_are_counted() {
 }
 
 #[test]
+fn motors_that_cannot_be_decoded_are_counted() {
+    let mut of_motors = 0;
+    let (_folder, log) = copied(|message, data| {
+        if message.channel.topic == MotorSource::from(&nominal::gold()).topic {
+            of_motors += 1;
+            if of_motors % 1000 == 500 {
+                data.truncate(20);
+            }
+        }
+        true
+    });
+    let (said, json, outcome) = track(&log, &cameras(), &[]).unwrap();
+    assert_eq!(outcome, Outcome::DataLost, "{said}");
+    let cut = (of_motors + 500) / 1000;
+    assert_eq!(json["unusable"], format!("changed.mcap: {cut} messages that could not be decoded were left out."), "{said}");
+}
+
+#[test]
+fn where_nothing_can_be_written_nothing_is_tracked() {
+    let (_folder, other) = changed(|_, _, _, _| true);
+    let name = |file: &str| LAB.path().join(file).display().to_string();
+    let [log, robot, cameras] = ["log.mcap", "robot.yaml", "cameras.yaml"].map(name);
+    for output in [other.as_path(), &other.with_file_name("none").join("tracked.mcap")] {
+        // Tracked, it would never be seen.
+        let typed = ["raven-track", &log, "--robot", &robot, "--cameras", &cameras, "--hue", "200..250", "-o"];
+        let args = Args::try_parse_from(typed.map(str::to_owned).into_iter().chain([output.display().to_string()])).unwrap();
+        let said = run(args, &mut Vec::new()).unwrap_err().to_string();
+        assert!(said.contains("choose another name") || said.contains("folder"), "{said}");
+    }
+}
+
+#[test]
 fn frames_of_another_size_in_the_middle_are_counted() {
     let (_folder, log) = changed(|side, i, _, data| {
         if side == 1 && (30..33).contains(&i) {
