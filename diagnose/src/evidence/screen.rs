@@ -1,5 +1,5 @@
 //! A first look at every effect: evidence by slopes at one point, from several starts where an effect is not smooth. Slopes are those of settled
-//! links; beside no other effect, rolled-out ones take their place for effects that let a joint float, which takes fifty times as long.
+//! links. Rolled-out ones, which take fifty times as long, take their place for dampers, and beside no other effect for effects that let a joint float.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -142,7 +142,7 @@ impl Fitter<'_> {
     fn begun_at<'p>(&self, point: &'p Point, effect: usize, start: &[f64]) -> Result<Start<'p>> {
         let base = point.base;
         let u = self.placing(&base.u, effect, start);
-        let is_rolled_out = base.effects.is_empty() && (self.is_loose(effect) || self.shows_in_swings(effect));
+        let is_rolled_out = self.shows_in_swings(effect) || base.effects.is_empty() && self.is_loose(effect);
         let links = if is_rolled_out { Links::RolledOut } else { Links::Settled };
         let residuals = if u == base.u {
             Cow::Borrowed(point.residuals(links))

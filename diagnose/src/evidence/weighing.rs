@@ -14,7 +14,8 @@ use super::paired;
 use super::prior;
 use super::tied::TIED_NATS;
 
-/// An effect matters if it explains at least this part of what effects explain in one of the channels, and so much at all [nat].
+/// An effect matters if it explains at least this part of what effects explain in one of the channels by laws that may not be quite right, and so much
+/// at all [nat].
 const MATERIAL: f64 = 0.005;
 const LEAST_NATS: f64 = 3.0;
 /// Or if it takes so much strain off the tolerances of the nominal model [nat].
@@ -38,8 +39,8 @@ impl Fitter<'_> {
         if by_evidence == if_beyond_scatter || self.lost_in_scatter(outcome, richer).is_some() { by_evidence } else { if_beyond_scatter }
     }
 
-    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that effects explain there, or is all that
-    /// remains beside a huge one.
+    /// Whether what a richer hypothesis explains beyond a poorer one matters in any channel beside all that the laws of effects explain there, or is
+    /// all that remains beside a huge one.
     fn is_material(&self, outcome: &Outcome, richer: &Hypothesis, poorer: &Hypothesis) -> bool {
         let tip_rows = self.rows.tip_rows();
         let channel = |k: usize| if k < tip_rows { 0 } else { 1 + (k - tip_rows) % 3 };
@@ -49,10 +50,22 @@ impl Fitter<'_> {
                 sum
             })
         };
-        let [all, without, with] = [&outcome.none.residuals, &poorer.residuals, &richer.residuals].map(|residuals| squares(residuals));
+        let before = self.by_exact_laws(outcome, poorer);
+        let [all, without, with] = [before, poorer, richer].map(|hypothesis| squares(&hypothesis.residuals));
         self.strain_squared(poorer) - self.strain_squared(richer) > 2.0 * STRAIN_NATS
             || (0..4).any(|k| without[k] - with[k] > (MATERIAL * (all[k] - with[k])).max(2.0 * LEAST_NATS))
             || (self.leftover(poorer).remains() && !self.leftover(richer).remains())
+    }
+
+    /// The hypothesis with those effects of one whose laws are exact, if it was fitted, and else the one without effects: what they explain leaves
+    /// nothing for others to make good.
+    fn by_exact_laws<'a>(&self, outcome: &'a Outcome, hypothesis: &'a Hypothesis) -> &'a Hypothesis {
+        let is_exact = |effect: &usize| self.coordinates.sited[*effect].effect.stage.has_exact_laws();
+        let exact: Vec<usize> = hypothesis.effects.iter().copied().filter(is_exact).collect();
+        if exact == hypothesis.effects {
+            return hypothesis;
+        }
+        outcome.fitted.get(&exact).map_or(&outcome.none, |(known, _)| known)
     }
 
     /// What numbers of the nominal model have to bear, in squared tolerances.

@@ -77,6 +77,14 @@ pub enum Stage {
     Timing,
 }
 
+impl Stage {
+    /// Whether effects there are geometry or time, which are right once their numbers are. Laws of motors, cables and loads are approximate.
+    #[must_use]
+    pub const fn has_exact_laws(self) -> bool {
+        matches!(self, Self::Encoder | Self::Kinematics | Self::Camera | Self::Timing)
+    }
+}
+
 /// What a recording can show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -12,6 +12,7 @@ use super::rows::{Links, Observed, Setting};
 
 mod beside;
 mod lost;
+mod small;
 mod ties;
 
 /// Tips that see some effects at their places, and nothing else that could be off.

@@ -1,0 +1,38 @@
+//! Small effects beside large ones.
+
+use super::*;
+
+/// What is named where a rolling shutter moves tips by a sixteenth of what another effect does.
+fn named_beside(large: &'static str) -> Vec<&'static str> {
+    let rows = Seen::new(&[(large, [0, 0]), ("rolling-shutter", [0, 0])], move |numbers: &[Option<&[f64]>], _: Links| {
+        let [large, small] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        tips(|k| 4.0 * k.sin() * (1.0 - large) + 0.25 * k.cos() * (1.0 - small))
+    });
+    rows.named()
+}
+
+#[test]
+fn a_law_that_is_not_quite_right_would_do_as_much() {
+    assert_eq!(named_beside("load-dependent-friction"), ["load-dependent-friction"]);
+}
+
+#[test]
+fn what_is_geometry_is_right_and_leaves_nothing_to_make_good() {
+    assert_eq!(named_beside("lens-distortion"), ["lens-distortion", "rolling-shutter"]);
+}
+
+#[test]
+fn a_damper_is_seen_beside_another_effect_though_settled_links_know_nothing_of_it() {
+    let rows = Seen::new(&[("joint-offset", [0, 0]), ("cable-damping", [1, 0])], |numbers: &[Option<&[f64]>], links| {
+        let [offset, damped] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let shows = if links == Links::RolledOut { damped } else { 0.0 };
+        tips(|k| 4.0 * k.sin() * (1.0 - offset) + k.cos() * (-1.1 - shows))
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let [offset, damper] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let alone = fitter.fit(&[offset], &fitter.nowhere(), None).unwrap().unwrap();
+    let seen = fitter.screen_some(&alone, alone.evidence, &[damper]).unwrap().remove(0);
+    approx::assert_relative_eq!(coordinates.own(damper, &seen.start)[0], -1.1, epsilon = 0.01);
+    assert!(seen.evidence > alone.evidence + 1000.0, "{} beside {}", seen.evidence, alone.evidence);
+}
