@@ -128,8 +128,10 @@ impl Fitter<'_> {
 
     /// Where to look for an effect: where it promises most by its size alone, which is believed to act as it does over the whole way there.
     fn promising<'p>(&self, point: &'p Point, effect: usize) -> Result<Vec<Start<'p>>> {
-        let begun: Result<Vec<Start>> =
-            self.starts(effect, &point.base.u).iter().map(|start| self.begun_at(point, effect, start)).collect();
+        // Rolled-out links take too long to look for a damper everywhere beside each hypothesis.
+        let stays = self.shows_in_swings(effect) && !point.base.effects.is_empty();
+        let numbers = if stays { vec![self.coordinates.own(effect, &point.base.u)] } else { self.starts(effect, &point.base.u) };
+        let begun: Result<Vec<Start>> = numbers.iter().map(|start| self.begun_at(point, effect, start)).collect();
         let starts = begun?;
         let sizes: Vec<usize> = self.coordinates.sizes(effect).collect();
         let is_shaped = self.coordinates.of(effect).count() > 1;
