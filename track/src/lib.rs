@@ -164,8 +164,7 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
             "base_from_left is missing: the cameras are not registered to the robot. Run `raven-calibrate register` first.",
         )
     })?;
-    // What cannot be written is said before anything is tracked.
-    drop(LogWriter::computed(&args.output)?);
+    LogWriter::require_computed(&args.output)?;
     let recording = Recording::read(&args.log, &MotorSource::from(&robot))?;
     let predictor = Predictor::new(&recording, &robot, cameras.latency_s)?;
     let frames: u64 = Side::BOTH.into_iter().map(|side| Ok(recording.require_images(side)?.1)).sum::<Result<_>>()?;

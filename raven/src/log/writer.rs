@@ -89,6 +89,15 @@ impl LogWriter {
     /// # Errors
     /// If the folder does not exist or cannot be written to, or there is a file that was not computed.
     pub fn computed(path: &Path) -> Result<Self> {
+        Self::require_computed(path)?;
+        Self::temporary(path, "", &format!("{LIBRARY}{COMPUTED}"))
+    }
+
+    /// Refuses a name that [`LogWriter::computed`] would refuse once everything has been computed.
+    ///
+    /// # Errors
+    /// If there is a file that was not computed.
+    pub fn require_computed(path: &Path) -> Result<()> {
         if holds_something(path) {
             if !files::is_recording(path) {
                 return Err(Error::file(path, "this file is no recording and would be lost; choose another name."));
@@ -97,7 +106,7 @@ impl LogWriter {
                 files::unused(path)?;
             }
         }
-        Self::temporary(path, "", &format!("{LIBRARY}{COMPUTED}"))
+        Ok(())
     }
 
     /// Starts a log with a profile, as in `ros1`: a promise that every message is in that system's encoding.
