@@ -1,5 +1,6 @@
 //! A first look at every effect: evidence by slopes at one point, from several starts where an effect is not smooth. Slopes are those of settled
-//! links. Rolled-out ones, which take fifty times as long, take their place for dampers, and beside no other effect for effects that let a joint float.
+//! links. Rolled-out ones, which take fifty times as long, take their place for dampers of joints without another law, and beside no other effect
+//! for effects that let a joint float.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -129,7 +130,7 @@ impl Fitter<'_> {
     /// Where to look for an effect: where it promises most by its size alone, which is believed to act as it does over the whole way there.
     fn promising<'p>(&self, point: &'p Point, effect: usize) -> Result<Vec<Start<'p>>> {
         // Rolled-out links take too long to look for a damper everywhere beside each hypothesis.
-        let stays = self.shows_in_swings(effect) && !point.base.effects.is_empty();
+        let stays = !point.base.effects.is_empty() && self.swings_beside(point.base, effect);
         let numbers = if stays { vec![self.coordinates.own(effect, &point.base.u)] } else { self.starts(effect, &point.base.u) };
         let begun: Result<Vec<Start>> = numbers.iter().map(|start| self.begun_at(point, effect, start)).collect();
         let starts = begun?;
@@ -141,10 +142,17 @@ impl Fitter<'_> {
         Ok(by_size.into_iter().take(CLOSELY).map(|(_, start)| start).collect())
     }
 
+    /// Whether an effect shows in how a joint swings that follows its cable as the nominal model has it: by another law, which may not be quite
+    /// right, a damper would make good what that lacks.
+    fn swings_beside(&self, base: &Hypothesis, effect: usize) -> bool {
+        let joint = self.followed(effect);
+        self.shows_in_swings(effect) && base.effects.iter().all(|&other| self.followed(other) != joint)
+    }
+
     fn begun_at<'p>(&self, point: &'p Point, effect: usize, start: &[f64]) -> Result<Start<'p>> {
         let base = point.base;
         let u = self.placing(&base.u, effect, start);
-        let is_rolled_out = self.shows_in_swings(effect) || base.effects.is_empty() && self.is_loose(effect);
+        let is_rolled_out = self.swings_beside(base, effect) || base.effects.is_empty() && self.is_loose(effect);
         let links = if is_rolled_out { Links::RolledOut } else { Links::Settled };
         let residuals = if u == base.u {
             Cow::Borrowed(point.residuals(links))
