@@ -53,9 +53,13 @@ impl Fitter<'_> {
     fn add_effects(&self, outcome: &mut Outcome, nominal: &Hypothesis, mut each: impl FnMut()) -> Result<()> {
         for _ in 0..ROUNDS_MAX {
             let round = outcome.best.effects.len() + 1;
-            // Of what three equal effects cause two account for two thirds, and of others for more.
-            if round > EFFECTS_MAX || round == EFFECTS_MAX && self.explains_little(outcome) || round == 2 && self.explains_nothing(outcome)
-            {
+            let is_in_vain = match round {
+                // Of what three equal effects cause two account for two thirds, and of others for more.
+                EFFECTS_MAX => self.explains_little(outcome) || self.were_beyond_effects(outcome),
+                2 => self.explains_nothing(outcome),
+                _ => round > EFFECTS_MAX,
+            };
+            if is_in_vain {
                 break;
             }
             // Numbers of the nominal model that made up for a large effect are a bad place to look from.
@@ -125,13 +129,19 @@ impl Fitter<'_> {
         self.leaves_much(outcome) && self.accounted(&outcome.none, &outcome.best) < ACCOUNTED_BY_ONE
     }
 
+    /// Whether as many effects as there may be were fitted before, and the best of those leave something: they are not looked for twice.
+    fn were_beyond_effects(&self, outcome: &Outcome) -> bool {
+        let best = outcome.fitted.values().map(|(h, _)| h).filter(|h| h.effects.len() == EFFECTS_MAX);
+        best.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).is_some_and(|best| self.is_beyond_effects(best))
+    }
+
     /// Looks closely at what is likely, and weighs all of it.
     pub(super) fn decide(&self, outcome: &mut Outcome) -> Result<()> {
         if !self.leaves_most(outcome) {
             self.look_closely(outcome)?;
             if outcome.compared.as_ref() != Some(&outcome.best.effects) {
                 self.hold_against_ties(outcome)?;
-                if !self.leaves_much(outcome) && !self.is_beyond_effects(outcome) {
+                if !self.leaves_much(outcome) && !self.is_beyond_effects(&outcome.best) {
                     self.hold_against_rivals(outcome)?;
                 }
                 outcome.compared = Some(outcome.best.effects.clone());
@@ -142,8 +152,8 @@ impl Fitter<'_> {
     }
 
     /// Whether as many effects as there may be leave something: each is one in five then, whichever of its rivals it is.
-    fn is_beyond_effects(&self, outcome: &Outcome) -> bool {
-        outcome.best.effects.len() == EFFECTS_MAX && self.leftover(&outcome.best).remains()
+    fn is_beyond_effects(&self, hypothesis: &Hypothesis) -> bool {
+        hypothesis.effects.len() == EFFECTS_MAX && self.leftover(hypothesis).remains()
     }
 
     /// Whether the best hypothesis explains little and leaves very much.
