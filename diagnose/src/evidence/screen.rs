@@ -37,7 +37,9 @@ struct Point<'a> {
     settled: Vec<f64>,
     /// Of the point's own hypothesis.
     model: Quadratic,
-    /// What the slopes promise where the point's own hypothesis is fitted, above what it came to.
+    /// What the point's own hypothesis came to when it was fitted.
+    reached: f64,
+    /// What the slopes promise where it is fitted, above that.
     promised: f64,
 }
 
@@ -103,15 +105,12 @@ impl Fitter<'_> {
         let columns: Vec<&[f64]> = base.columns.iter().map(|column| column.as_slice()).collect();
         let mut point = Point {
             promised: 0.0,
+            reached,
             base,
             settled: self.rows.residuals(&self.coordinates.settings(&base.u), Links::Settled, &ALL)?,
             model: Quadratic::new(&columns, &base.residuals),
         };
-        let precision = self.precision(&base.free, &base.effects);
-        let at = DVector::from_iterator(base.free.len(), base.free.iter().map(|&c| base.u[c]));
-        let promise = point.model.minimum(&at, &precision).and_then(|(_, cost)| evidence(&point.model.information, &precision, cost));
-        point.promised =
-            promise.map_or(0.0, |(promise, _)| promise + self.beyond_normal(&base.effects, &|c| base.u[c], &|c| base.std(c)) - reached);
+        point.promised = self.promised(&point, &point.model, &base.free);
         let beside: Vec<usize> = some.iter().copied().filter(|&effect| !has(&self.coordinates.sited, &base.effects, effect)).collect();
         let mut candidates = side_by_side(&beside, |&effect| {
             let mut best: Option<Candidate> = None;
@@ -125,6 +124,16 @@ impl Fitter<'_> {
         })?;
         candidates.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         Ok(candidates)
+    }
+
+    /// What a point's own hypothesis promises by slopes of these coordinates, all that it has free, above what it came to; 0 if nothing holds them.
+    fn promised(&self, point: &Point, model: &Quadratic, free: &[usize]) -> f64 {
+        let base = point.base;
+        let precision = self.precision(free, &base.effects);
+        let at = DVector::from_iterator(free.len(), free.iter().map(|&c| base.u[c]));
+        let promise = model.minimum(&at, &precision).and_then(|(_, cost)| evidence(&model.information, &precision, cost));
+        let beyond_normal = self.beyond_normal(&base.effects, &|c| base.u[c], &|c| base.std(c));
+        promise.map_or(0.0, |(promise, _)| promise + beyond_normal - point.reached)
     }
 
     /// Where to look for an effect: where it promises most by its size alone, which is believed to act as it does over the whole way there.
@@ -212,6 +221,9 @@ impl Fitter<'_> {
         effects.sort_unstable();
         let coordinates: Vec<usize> = own.iter().copied().chain(kept.iter().map(|&k| base.free[k])).collect();
         let precision = self.precision(&coordinates, &effects);
+        // By other slopes of its numbers the point's own hypothesis promises something else.
+        let is_free_there = shift.is_none() && coordinates.len() == base.free.len();
+        let promised = if is_free_there { self.promised(point, &model, &coordinates) } else { point.promised };
         let at = DVector::from_iterator(coordinates.len(), coordinates.iter().map(|&c| u[c]));
         let (free_step, free_cost) = model.minimum(&at, &precision)?;
         // The effect's own numbers go as far as they may, the others make the best of it.
@@ -222,8 +234,8 @@ impl Fitter<'_> {
         let (evidence, covariance) = evidence(&model.information, &precision, cost)?;
         coordinates.iter().zip(step.iter()).for_each(|(&c, step)| u[c] = self.kept_inside(c, u[c], *step));
         let std = |c: usize| coordinates.iter().position(|&at| at == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
-        let evidence = evidence + self.beyond_normal(&effects, &|c| u[c], &std) - point.promised;
-        Some(Candidate { evidence, effects, start: u, doubt: point.promised.abs() })
+        let evidence = evidence + self.beyond_normal(&effects, &|c| u[c], &std) - promised;
+        Some(Candidate { evidence, effects, start: u, doubt: promised.abs() })
     }
 
     /// Whether an effect lets a joint float, as backlash does: without a load it settles anywhere, and only rolled-out links say where it is.
