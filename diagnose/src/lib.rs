@@ -26,7 +26,7 @@ use serde::Serialize;
 
 use crate::against::Against;
 use crate::attribution::{Attribution, Nominal};
-use crate::evidence::spread::{Departures, Spread};
+use crate::evidence::numbers::spread::{Departures, Spread};
 use crate::gap::{Gap, MotorMotion};
 use crate::residual::{Channels, Residuals, channels};
 use crate::whereabouts::Place;

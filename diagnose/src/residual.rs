@@ -6,7 +6,7 @@ use raven::observation::three_joints;
 use raven::robot::{Arm, KinematicsKind, LinkModel, Robot};
 use raven::{Error, Result};
 
-use crate::evidence::bench::{Signs, by_joint, encoder_noise};
+use crate::evidence::recorded::bench::{Signs, by_joint, encoder_noise};
 
 /// Residuals of one channel over time.
 #[derive(Debug, Clone, Default)]

@@ -6,7 +6,7 @@ use raven::robot::nominal;
 use raven::simulation::{Case, Motion, Outside, SealedFolder, Sway};
 use raven_diagnose::attribution::Nominal;
 use raven_diagnose::check::{Diagnosed, Names, check};
-use raven_diagnose::evidence::spread::Spread;
+use raven_diagnose::evidence::numbers::spread::Spread;
 use raven_diagnose::{diagnose_recording, when_told};
 
 fn case(name: &str, seed: u64, effects: &[&str]) -> Case {

@@ -8,9 +8,9 @@ use raven::log::{JointSeries, Recording, TipObservation, TipStatus};
 use raven::observation::{TipCorrection, three_joints};
 use raven::robot::{Arm, Robot};
 
-use crate::evidence::bench::{Bench, Signs};
-use crate::evidence::data::Data;
-use crate::evidence::rows::Rows;
+use crate::evidence::recorded::bench::{Bench, Signs};
+use crate::evidence::recorded::data::Data;
+use crate::evidence::recorded::rows::Rows;
 
 /// Longest pause that is bridged [s].
 const BRIDGED_S: f64 = 0.5;

@@ -30,7 +30,7 @@ use raven::stats::rms;
 use raven::{Error, Result};
 use serde::Serialize;
 
-use crate::evidence::bench::Signs;
+use crate::evidence::recorded::bench::Signs;
 use crate::gap::Gap;
 use crate::whereabouts::Channel;
 use deviation::Deviation;

@@ -15,9 +15,9 @@ use serde::Serialize;
 
 use super::channels::{Sample, Sampled};
 use super::remaining::Remaining;
-use crate::evidence::coordinates::Coordinates;
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::rows::Setting;
+use crate::evidence::numbers::coordinates::Coordinates;
+use crate::evidence::recorded::rows::Setting;
 
 /// The gap of one channel, before and after.
 #[derive(Debug, Clone, Serialize)]
@@ -226,7 +226,7 @@ fn shapley(count: usize, k: usize, value: &dyn Fn(usize) -> f64) -> f64 {
 mod tests {
     use super::super::channels::Measured;
     use super::*;
-    use crate::evidence::rows::{Links, Observed};
+    use crate::evidence::recorded::rows::{Links, Observed};
     use crate::evidence::tests::{Seen, tips};
     use approx::assert_relative_eq;
     use raven::effects::{Channel, Sited};

@@ -26,13 +26,13 @@ use raven::stats::normal_cdf;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::evidence::coordinates::ABSENT;
+use crate::evidence::fit::linear::{dot, gram};
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::linear::{dot, gram};
+use crate::evidence::numbers::coordinates::ABSENT;
+use crate::evidence::numbers::prior;
+use crate::evidence::numbers::sizes;
 use crate::evidence::outcome::Outcome;
-use crate::evidence::prior;
-use crate::evidence::rows::Links;
-use crate::evidence::sizes;
+use crate::evidence::recorded::rows::Links;
 
 /// The smallest size of an effect that would have been named.
 #[derive(Debug, Clone, Serialize)]
@@ -246,7 +246,7 @@ fn raised_if_normal(u: f64, information: f64, spike: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::coordinates::Coordinates;
+    use crate::evidence::numbers::coordinates::Coordinates;
     use crate::evidence::tests::{Seen, tips};
     use approx::assert_relative_eq;
     use rand::SeedableRng;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use raven::robot::{JointType, Robot};
 use raven::{Error, Result};
 
-use crate::evidence::data::Data;
+use crate::evidence::recorded::data::Data;
 
 /// Shortest time with motors [s], and fewest tips, from which anything can be said.
 const TIME_MIN_S: f64 = 5.0;

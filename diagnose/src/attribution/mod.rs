@@ -30,13 +30,13 @@ use serde::Serialize;
 
 use self::channels::Sampled;
 use self::unknown::probability_of_none;
-use crate::evidence::bench::Bench;
-use crate::evidence::coordinates::Coordinates;
-use crate::evidence::data::Data;
 use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::numbers::coordinates::Coordinates;
+use crate::evidence::numbers::spread::{Departures, Spread};
 use crate::evidence::outcome::Outcome;
-use crate::evidence::rows::Rows;
-use crate::evidence::spread::{Departures, Spread};
+use crate::evidence::recorded::bench::Bench;
+use crate::evidence::recorded::data::Data;
+use crate::evidence::recorded::rows::Rows;
 
 /// The nominal model: what recordings are held against.
 #[derive(Debug, Clone)]

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::outcome::Outcome;
-use crate::evidence::tied::{TIED_NATS, has};
+use crate::evidence::search::tied::{TIED_NATS, has};
 
 /// Another effect that would do as well.
 #[derive(Debug, Clone, Serialize)]

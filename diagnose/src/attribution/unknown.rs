@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use raven::effects::Sited;
 
 use super::verdict::Word;
-use crate::evidence::prior;
+use crate::evidence::numbers::prior;
 
 /// Of hypotheses by their effects.
 pub(super) fn probability_of_none(probabilities: &[(Vec<usize>, f64)]) -> f64 {

@@ -6,8 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::evidence::fit::{Fitter, Hypothesis};
-use crate::evidence::leftover::ACCOUNTED;
 use crate::evidence::outcome::Outcome;
+use crate::evidence::weighing::leftover::ACCOUNTED;
 
 /// The verdict in a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -278,10 +278,10 @@ fn closed(gap: &Closure) -> String {
 mod tests {
     use super::*;
     use crate::attribution::{Retuned, detectable};
-    use crate::evidence::coordinates::Coordinates;
     use crate::evidence::fit::Fitter;
+    use crate::evidence::numbers::coordinates::Coordinates;
+    use crate::evidence::numbers::spread::Spread;
     use crate::evidence::outcome::Outcome;
-    use crate::evidence::spread::Spread;
     use crate::evidence::tests::{Seen, tips};
 
     fn estimate(name: &'static str, value: f64, std: f64, unit: &str, whole: bool) -> Estimate {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use raven::{Result, cli};
 
 use super::{Diagnose, Diagnosed};
-use crate::evidence::spread::Spread;
+use crate::evidence::numbers::spread::Spread;
 
 /// A diagnosis, or why there is none.
 pub(super) struct Diagnosis {

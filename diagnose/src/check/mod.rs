@@ -35,7 +35,7 @@ use raven::simulation::{CAMERAS, LABELS, LABELS_SUM, SealedFolder, sealed_set};
 use raven::{Error, Result, files};
 
 use crate::attribution::Nominal;
-use crate::evidence::spread::Spread;
+use crate::evidence::numbers::spread::Spread;
 
 /// Diagnoses the recordings of a sealed folder blind, then opens the labels and prints the score.
 ///

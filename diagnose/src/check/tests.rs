@@ -8,7 +8,7 @@ use raven::simulation::{LABELS, LABELS_SUM, Label, LabelEffect, Magnitude, Motio
 
 use super::verdict::Retuned;
 use super::*;
-use crate::evidence::spread::Departures;
+use crate::evidence::numbers::spread::Departures;
 
 fn effect(id: &str, joint: Option<&str>, magnitude: f64) -> LabelEffect {
     LabelEffect { id: id.to_owned(), joint: joint.map(str::to_owned), magnitude: Magnitude::One(magnitude) }

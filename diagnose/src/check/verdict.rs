@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::attribution::{Attribution, Word};
-use crate::evidence::spread::Departures;
+use crate::evidence::numbers::spread::Departures;
 
 /// What a diagnosis makes of one recording.
 #[derive(Debug, Clone)]

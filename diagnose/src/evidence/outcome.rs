@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::fit::Hypothesis;
-use super::leftover::Leftover;
-use super::prior;
-use super::screen::Candidate;
+use crate::evidence::fit::Hypothesis;
+use crate::evidence::numbers::prior;
+use crate::evidence::search::screen::Candidate;
+use crate::evidence::weighing::leftover::Leftover;
 
 /// Everything that was looked at, and where it ended.
 pub struct Outcome {

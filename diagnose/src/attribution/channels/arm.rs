@@ -5,7 +5,7 @@ use raven::Result;
 use raven::effects::{Channel, TipModel, TorqueModel};
 
 use super::{Measured, Sample, Sampled};
-use crate::evidence::rows::{Inflation, Observed, Rows, Setting};
+use crate::evidence::recorded::rows::{Inflation, Observed, Rows, Setting};
 
 /// Place of the tip among the channels; the joints come before, their torques after.
 const TIP: usize = 3;

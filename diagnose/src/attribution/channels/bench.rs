@@ -4,8 +4,8 @@ use raven::Result;
 use raven::effects::{Channel, Measure};
 
 use super::{Measured, Sample, Sampled};
-use crate::evidence::bench::Bench;
-use crate::evidence::rows::{ALL, Observed, Setting};
+use crate::evidence::recorded::bench::Bench;
+use crate::evidence::recorded::rows::{ALL, Observed, Setting};
 
 impl Sampled for Bench<'_> {
     fn measured(&self) -> Vec<Measured> {

@@ -8,7 +8,7 @@ mod tests;
 use raven::Result;
 use raven::effects::Channel;
 
-use crate::evidence::rows::{Observed, Setting};
+use crate::evidence::recorded::rows::{Observed, Setting};
 
 /// One quantity that was measured.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! What other recordings of a rig say of its tolerances.
 
 use super::*;
-use crate::evidence::spread::{Departures, Spread};
+use crate::evidence::numbers::spread::{Departures, Spread};
 
 /// A coupling, and others that do nothing: an effect out of so many takes evidence.
 const LIBRARY: [(&str, [usize; 2]); 9] = [

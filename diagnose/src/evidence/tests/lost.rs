@@ -1,7 +1,7 @@
 //! Fits that stop short or go astray, begun again.
 
-use super::super::linear::dot;
 use super::*;
+use crate::evidence::fit::linear::dot;
 
 #[test]
 fn an_effect_that_was_lost_is_found_where_the_nominal_model_has_come_to() {

@@ -6,9 +6,9 @@ use raven::Result;
 use raven::effects::{Channel, Sited};
 use raven::robot::{Robot, nominal};
 
-use super::coordinates::Coordinates;
-use super::fit::{Fitter, Hypothesis};
-use super::rows::{Links, Observed, Setting};
+use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::numbers::coordinates::Coordinates;
+use crate::evidence::recorded::rows::{Links, Observed, Setting};
 
 mod beside;
 mod lost;

@@ -9,8 +9,8 @@ use raven::robot::Robot;
 use super::motion::{Drives, missed};
 use super::torque::{far_apart, noise_of_torque};
 use super::{Channel, HORIZONS_S, Kind, Track, bench_factors};
-use crate::evidence::bench::Bench;
-use crate::evidence::torques::CREEP_RAD_S;
+use crate::evidence::recorded::bench::Bench;
+use crate::evidence::recorded::torques::CREEP_RAD_S;
 
 /// What samples may depend on.
 type Factors = Vec<(Kind, Vec<f64>)>;

@@ -18,7 +18,7 @@ use raven::robot::{Arm, Joint, MotorTrack, Robot, Transmission};
 use raven::stats::median;
 
 use super::{Channel, HORIZONS_S, Kind, Track};
-use crate::evidence::data::Data;
+use crate::evidence::recorded::data::Data;
 use crate::phase::{Phase, phases};
 use crate::residual::{self, Residuals};
 use drive::{OfArm, bench_drives, motion_tracks};

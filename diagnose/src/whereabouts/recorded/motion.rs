@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 use raven::effects::Shaft;
 use rayon::prelude::*;
 
-use crate::evidence::data::WINDOW_S;
+use crate::evidence::recorded::data::WINDOW_S;
 
 /// Steps between two torque samples.
 const STEPS: usize = 8;

@@ -11,7 +11,7 @@ use raven::observation::TipCorrection;
 use raven::robot::Arm;
 
 use super::{Channel, Kind, Track, phase_factor};
-use crate::evidence::data::Data;
+use crate::evidence::recorded::data::Data;
 
 /// The cameras, where they are registered and every tip came with its pixels.
 pub(super) fn pixels_known<'a>(cameras: Option<&'a Cameras>, recordings: &[Recording]) -> Option<&'a Cameras> {

@@ -8,7 +8,7 @@ use raven::stats::{median, rms};
 use super::{Track, joint_factors};
 
 /// Torque samples this far apart share no motor sample [s].
-const TORQUE_STRIDE_S: f64 = crate::evidence::data::WINDOW_S;
+const TORQUE_STRIDE_S: f64 = crate::evidence::recorded::data::WINDOW_S;
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
 const TORQUE_MODEL: f64 = 0.01;
 /// Slowest motor at which the direction of its friction is beyond doubt [rad/s]; slower, the torque that a model asks for is arbitrary.

@@ -1,0 +1,164 @@
+//! Every number in which the robot may depart from the model, in units of its effect's own prior.
+
+use raven::effects::{Channel, Effect, Parameter, Sited};
+use raven::robot::Robot;
+
+use super::spread::Spread;
+use crate::evidence::recorded::rows::{Observed, Setting};
+
+/// One number of one effect at one place.
+#[derive(Debug, Clone, Copy)]
+pub struct Coordinate {
+    /// Which of [`Coordinates::sited`].
+    pub effect: usize,
+    /// Which of its parameters.
+    pub parameter: usize,
+    /// Deviation of the nominal value in `u`; `None` where the nominal model has no such thing.
+    pub spike: Option<f64>,
+}
+
+impl Coordinate {
+    /// Whether the nominal model knows it no better than an effect does: then it says nothing of whether there is one.
+    #[must_use]
+    pub fn is_unknown(&self) -> bool {
+        self.spike.is_some_and(|spike| spike >= 1.0)
+    }
+}
+
+/// All effects that these recordings can show, and their numbers.
+pub struct Coordinates {
+    /// Effects at their places.
+    pub sited: Vec<Sited>,
+    /// Effects that cannot show, with the reason.
+    pub not_observable: Vec<(&'static Effect, &'static str)>,
+    /// Numbers.
+    pub all: Vec<Coordinate>,
+    /// By what part of their tolerances those of the nominal model are off.
+    pub spread: Spread,
+}
+
+impl Coordinates {
+    /// Of a robot and what was recorded.
+    #[must_use]
+    pub fn new(robot: &Robot, rows: &dyn Observed) -> Self {
+        let mut not_observable: Vec<(&'static Effect, &'static str)> = Vec::new();
+        let mut sited = Vec::new();
+        for each in Sited::all(robot) {
+            let each = Sited { measure: rows.measure(&each), ..each };
+            let channels = each.effect.channels;
+            let shows = channels.iter().any(|channel| match channel {
+                Channel::Torque => rows.torque_rows() > 0,
+                Channel::Tip => rows.tip_rows() > 0,
+            });
+            let because = if let Some(because) = rows.cannot_show(&each) {
+                Some(because)
+            } else if !shows && channels == [Channel::Torque] {
+                Some("the recording has no motor torque")
+            } else if !shows {
+                Some("the recording has no tip")
+            } else {
+                None
+            };
+            match because {
+                None => sited.push(each),
+                Some(because) if not_observable.iter().all(|(effect, _)| effect.id != each.effect.id) => {
+                    not_observable.push((each.effect, because));
+                }
+                Some(_) => {}
+            }
+        }
+        // What shows at one joint is no news at another.
+        not_observable.retain(|(effect, _)| sited.iter().all(|each| each.effect.id != effect.id));
+        let all = sited.iter().enumerate().flat_map(|(effect, s): (usize, &Sited)| {
+            s.effect.parameters.iter().enumerate().map(move |(parameter, p)| Coordinate {
+                effect,
+                parameter,
+                spike: p.tolerance_u(robot, s.place, s.measure).filter(|spike| *spike > 0.0),
+            })
+        });
+        let all = all.collect();
+        Self { sited, not_observable, all, spread: Spread::default() }
+    }
+
+    /// With the nominal model's numbers off by the part of their tolerances that other recordings of the rig show.
+    #[must_use]
+    pub fn spread(mut self, spread: &Spread) -> Self {
+        self.spread = spread.clone();
+        for coordinate in self.all.iter_mut().filter(|coordinate| !coordinate.is_unknown()) {
+            let part = spread.part(self.sited[coordinate.effect].effect.id);
+            coordinate.spike = coordinate.spike.map(|spike| part * spike);
+        }
+        self
+    }
+
+    /// Whether a number is one of the file's, which it knows and none of some effects is about.
+    #[must_use]
+    pub fn is_of_file(&self, c: usize, effects: &[usize]) -> bool {
+        let coordinate = self.all[c];
+        coordinate.spike.is_some() && !coordinate.is_unknown() && !effects.contains(&coordinate.effect)
+    }
+
+    /// The file's own tolerance of a number of the nominal model, in `u`.
+    #[must_use]
+    pub fn tolerance(&self, c: usize) -> Option<f64> {
+        let coordinate = self.all[c];
+        coordinate.spike.map(|spike| spike / self.spread.part(self.sited[coordinate.effect].effect.id))
+    }
+
+    /// The coordinates of an effect.
+    pub fn of(&self, effect: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.all.len()).filter(move |&c| self.all[c].effect == effect)
+    }
+
+    /// An effect's own numbers at a point.
+    #[must_use]
+    pub fn own(&self, effect: usize, u: &[f64]) -> Vec<f64> {
+        self.of(effect).map(|c| u[c]).collect()
+    }
+
+    /// The same as values, in the units of its parameters.
+    #[must_use]
+    pub fn values(&self, effect: usize, u: &[f64]) -> Vec<f64> {
+        self.sited[effect].values(&self.own(effect, u))
+    }
+
+    /// The number that a coordinate stands for.
+    #[must_use]
+    pub fn parameter(&self, c: usize) -> &'static Parameter {
+        let Coordinate { effect, parameter, .. } = self.all[c];
+        &self.sited[effect].effect.parameters[parameter]
+    }
+
+    /// The coordinates of an effect's sizes, by which it is there or not.
+    pub fn sizes(&self, effect: usize) -> impl Iterator<Item = usize> + '_ {
+        self.of(effect).filter(|&c| self.parameter(c).scale.is_size() && !self.all[c].is_unknown())
+    }
+
+    /// The model's settings at a point; effects that do not change anything are left out.
+    #[must_use]
+    pub fn settings(&self, u: &[f64]) -> Vec<Setting> {
+        let mut settings = Vec::new();
+        let mut at = 0;
+        for sited in &self.sited {
+            let count = sited.effect.parameters.len();
+            let own = &u[at..at + count];
+            if acts(sited.effect, own) {
+                settings.push((*sited, own.to_vec()));
+            }
+            at += count;
+        }
+        settings
+    }
+}
+
+/// Whether an effect is there at all: one whose size is zero is not, whatever its shape.
+fn acts(effect: &Effect, u: &[f64]) -> bool {
+    let alone = effect.parameters.len() == 1;
+    effect.parameters.iter().zip(u).any(|(p, &u)| p.scale.is_size() && u != 0.0 || alone && p.scale.is_shape() && u != ABSENT)
+}
+
+/// `u` of a shape that stands for no effect, of effects that have nothing but a shape.
+pub const ABSENT: f64 = f64::INFINITY;
+
+/// The largest `u` of a shape that is there: of effects that have nothing else the mildest.
+pub const MILDEST: f64 = 4.0;

@@ -1,0 +1,7 @@
+//! What recordings say against a model, whitened.
+
+pub mod bench;
+pub mod data;
+pub mod rows;
+mod tensions;
+pub mod torques;

@@ -1,0 +1,54 @@
+//! A fit that is told which effects there are: the most that any diagnosis could close of the gap, and whether it could see them at all.
+
+use raven::Result;
+
+use crate::evidence::fit::{Fitter, Hypothesis};
+
+impl Fitter<'_> {
+    /// Fits named effects, one after the other and at last together, and tells what each of them gains beside the others, at least [nat];
+    /// `None` where the model cannot be evaluated.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn told(&self, effects: &[usize]) -> Result<Option<(Hypothesis, f64)>> {
+        let Some(nominal) = self.at_nominal()? else { return Ok(None) };
+        let Some(none) = self.fit(&[], &nominal.u, None)? else { return Ok(None) };
+        let Some(mut point) = self.added(&nominal, &none, effects)? else { return Ok(None) };
+        let mut without_one = Vec::new();
+        for left_out in point.effects.clone() {
+            let others = point.all_but(left_out);
+            let (alone, again) = if others.is_empty() {
+                (Some(none.clone()), None)
+            } else {
+                (self.added(&nominal, &none, &others)?, self.fit(&others, &self.without(left_out, &point.u), Some(&point))?)
+            };
+            let better = alone.into_iter().chain(again).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+            let Some(without) = better else { return Ok(None) };
+            // What it stopped short of is no evidence for the effect.
+            let without = self.fitted_as(&without, &point)?.unwrap_or(without);
+            // With one more effect it can do no worse: where it got lost on the way it starts again from there.
+            if without.evidence > point.evidence {
+                let start = self.taking(&without.u, &[left_out], &point.u);
+                let again = self.fit(&point.effects, &start, Some(&without))?;
+                point = again.filter(|again| again.evidence > point.evidence).unwrap_or(point);
+            }
+            without_one.push(without);
+        }
+        let leftover = self.leftover(&point);
+        let gain = without_one.iter().map(|without| self.tempered(&point, &leftover) - self.tempered(without, &leftover));
+        let gain = gain.fold(f64::INFINITY, f64::min);
+        Ok(Some((point, gain)))
+    }
+
+    /// Some effects, fitted one after the other from the nominal model, which has been fitted itself as `none`.
+    fn added(&self, nominal: &Hypothesis, none: &Hypothesis, effects: &[usize]) -> Result<Option<Hypothesis>> {
+        let mut point = nominal.clone();
+        for &effect in effects {
+            let poorer = if point.effects.is_empty() { none } else { &point };
+            let Some(candidate) = self.screen_some(&point, poorer.evidence, &[effect])?.into_iter().next() else { return Ok(None) };
+            let Some(hypothesis) = self.fitted_at_least(&candidate, &point, poorer)? else { return Ok(None) };
+            point = hypothesis;
+        }
+        Ok(Some(point))
+    }
+}
