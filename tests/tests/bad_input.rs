@@ -109,6 +109,13 @@ fn a_log_without_the_needed_topic() {
 }
 
 #[test]
+fn a_log_that_cannot_carry_a_diagnosis() {
+    let (_, said) =
+        typed(SESSION.path(), raven_diagnose::run, &["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}"]).unwrap();
+    assert!(said.contains("No diagnosis: ") && said.contains("at least 5 s are needed") && !said.contains("Verdict"), "{said}");
+}
+
+#[test]
 fn an_empty_selection() {
     let parameters = ["{log.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--parameters", "", "-o", "{never.yaml}"];
     fails(raven_identify::run, &parameters, &["parameter"]);

@@ -15,7 +15,7 @@ pub use closure::{Closure, Retuned, Share};
 pub use detectable::Detectable;
 pub use file_numbers::FileNumber;
 pub(crate) use fitness::RANGE_MIN;
-pub use fitness::check_fitness;
+pub use fitness::{check_bench_fitness, check_fitness};
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
@@ -181,6 +181,7 @@ pub fn attribute(nominal: &Nominal, recordings: &[Recording], each: impl FnMut()
     let Nominal { robot, cameras, spread } = nominal;
     if matches!(robot.kinematics, KinematicsKind::Bench) {
         let bench = Bench::new(robot, recordings)?;
+        check_bench_fitness(robot, &bench)?;
         let remarks = bench.remarks().into_iter().map(str::to_owned).collect();
         return Ok(Attribution { remarks, ..attributed(&bench, spread, each)? });
     }

@@ -8,6 +8,7 @@ use raven::log::{MotorSource, Recording};
 use raven::simulation::{Motion, Options, Session};
 
 use super::*;
+use crate::attribution::check_bench_fitness;
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::coordinates::Coordinates;
 
@@ -93,6 +94,26 @@ fn lost_motion_is_found_as_backlash_or_as_play() {
     let robot = slide(5.0, CABLE);
     let found = found(&robot, recorded(&robot, &["backlash:carriage=0.003"]));
     assert!(found.iter().any(|(id, ..)| matches!(*id, "backlash" | "hysteresis")), "{found:?}");
+}
+
+#[test]
+fn a_bench_at_rest_or_of_few_seconds_is_refused() {
+    let robot = slide(5.0, CABLE);
+    let said = |recording: &Recording| {
+        let bench = Bench::new(&robot, std::slice::from_ref(recording)).unwrap();
+        check_bench_fitness(&robot, &bench).err().map(|error| error.to_string())
+    };
+    let mut recording = recorded(&robot, &[]);
+    assert_eq!(said(&recording), None);
+    let motor = recording.motor.as_mut().unwrap();
+    motor.time_s.iter_mut().for_each(|time_s| *time_s *= 0.1);
+    let short = said(&recording).unwrap();
+    assert!(short.contains("s were recorded, at least 5 s"), "{short}");
+    let motor = recording.motor.as_mut().unwrap();
+    motor.time_s.iter_mut().for_each(|time_s| *time_s *= 10.0);
+    motor.position[0].iter_mut().for_each(|q| *q = 0.1);
+    let at_rest = said(&recording).unwrap();
+    assert!(at_rest.contains("no joint moves"), "{at_rest}");
 }
 
 #[test]
