@@ -15,7 +15,7 @@ use std::time::Instant;
 use clap::{Parser, Subcommand, ValueEnum};
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::{CAMERAS_FILE, Recording};
+use raven::log::{CAMERAS_FILE, LogWriter, Recording};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
@@ -109,8 +109,11 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let outputs = [("-o", args.output.as_deref()), ("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())];
     files::apart(args.logs.iter().chain(&args.robot).chain(&args.cameras), &outputs)?;
     let has_table = cli::is_left_for_words(&outputs[1..])?;
-    if args.output.as_deref().is_some_and(|output| output.as_os_str() == cli::STANDARD_OUTPUT) {
-        return Err(Error::Argument("-o -: a log is no text and cannot go to standard output; name a file.".to_owned()));
+    if let Some(output) = &args.output {
+        if output.as_os_str() == cli::STANDARD_OUTPUT {
+            return Err(Error::Argument("-o -: a log is no text and cannot go to standard output; name a file.".to_owned()));
+        }
+        LogWriter::require_computed(output)?;
     }
     let robot = Robot::read(robot_path)?;
     robot.arm()?;

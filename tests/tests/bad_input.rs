@@ -139,6 +139,14 @@ fn cameras_of_another_size_than_the_log_was_tracked_with() {
 }
 
 #[test]
+fn an_output_that_would_be_lost_is_refused_before_anything_is_computed() {
+    let [log, others] = ["{nowhere.mcap}", "{text.mcap}"];
+    fails(raven_replay::run, &[log, "--robot", "{robot.yaml}", "-o", others], &["text.mcap", "would be lost"]);
+    let track = [log, "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "-o", others];
+    fails(raven_track::run, &track, &["text.mcap", "would be lost"]);
+}
+
+#[test]
 fn what_is_read_is_never_written_over() {
     let (robot, cameras) = (["--robot", "{robot.yaml}"], ["--cameras", "{cameras.yaml}"]);
     let both = [robot, cameras].concat();
