@@ -9,9 +9,9 @@
 //! under many a shift, and together under one. Of shifts that do equally well the one with the longest overlap wins.
 
 use raven::log::JointSeries;
-use raven::robot::{JointType, Robot};
+use raven::robot::Robot;
 
-use crate::attribution::RANGE_MIN;
+use crate::attribution;
 
 /// Shortest time in which both have to have moved [s].
 const OVERLAP_MIN_S: f64 = 5.0;
@@ -85,8 +85,7 @@ fn moves(robot: &Robot, series: &JointSeries, j: usize) -> bool {
     let joint = &robot.joints[j];
     let finite = series.position.get(j).into_iter().flatten().copied().filter(|q| q.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q), high.max(q)));
-    let least = RANGE_MIN[usize::from(joint.kind == JointType::Prismatic)];
-    (high - low) / joint.ratio().abs() > least
+    attribution::moves(joint, (high - low) / joint.ratio().abs())
 }
 
 /// Motors at an even pace.

@@ -1,7 +1,7 @@
 //! Whether recordings can carry a diagnosis at all.
 
 use nalgebra::Vector3;
-use raven::robot::{Joint, JointType, MotorTrack, Robot};
+use raven::robot::{Joint, JointType, MotorTrack, Robot, Transmission};
 use raven::{Error, Result};
 
 use crate::evidence::recorded::bench::Bench;
@@ -11,7 +11,12 @@ use crate::evidence::recorded::data::Data;
 const TIME_MIN_S: f64 = 5.0;
 const TIPS_MIN: usize = 60;
 /// A joint moves if it covers so much [rad, m].
-pub(crate) const RANGE_MIN: [f64; 2] = [0.02, 0.002];
+const RANGE_MIN: [f64; 2] = [0.02, 0.002];
+
+/// Whether a joint that covers so much [rad or m] moves.
+pub(crate) fn moves(joint: &Joint, covered: f64) -> bool {
+    covered > RANGE_MIN[usize::from(joint.kind == JointType::Prismatic)]
+}
 
 /// Refuses recordings of an arm that are too short, without motion, or with motion of one joint, or of one motor, only.
 ///
@@ -30,7 +35,7 @@ pub fn check_fitness(robot: &Robot, data: &[Data]) -> Result<()> {
     let motors = || data.iter().flat_map(|d| &d.motors.angle);
     let joints = moving(robot, motors().map(|motor| transmission.joint_from_motor(motor)));
     // A motor that moves alone moves other joints as well, by their coupling.
-    let motors = moving(robot, motors().map(|motor| motor.component_div(&transmission.ratio)));
+    let motors = moving(robot, motors().map(|motor| each_alone(transmission, motor)));
     let only = "causes at one joint cannot be told from causes elsewhere, move all three";
     match (joints.as_slice(), motors.as_slice()) {
         ([], _) => Err(refused("no joint moves; a robot at rest shows nothing but its pose")),
@@ -47,8 +52,7 @@ pub fn check_fitness(robot: &Robot, data: &[Data]) -> Result<()> {
 pub fn check_bench_fitness(robot: &Robot, bench: &Bench) -> Result<()> {
     check_time(bench.recordings().iter().map(|recorded| &recorded.motors))?;
     let transmission = robot.bench_transmission()?;
-    let joints =
-        bench.recordings().iter().flat_map(|recorded| &recorded.motors.angle).map(|motor| motor.component_div(&transmission.ratio));
+    let joints = bench.recordings().iter().flat_map(|recorded| &recorded.motors.angle).map(|motor| each_alone(&transmission, motor));
     if moving(robot, joints).is_empty() {
         return Err(refused("no joint moves; a bench at rest shows nothing"));
     }
@@ -71,14 +75,18 @@ fn check_time<'a>(motors: impl Iterator<Item = &'a MotorTrack>) -> Result<()> {
     Ok(())
 }
 
-/// The joints that positions [rad, m] cover more than [`RANGE_MIN`] of.
+/// Joint positions [rad, m] of motor angles [rad], as if no joint moved another's cable.
+fn each_alone(transmission: &Transmission, motor: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::from_fn(|j, _| transmission.joint_alone(j, motor[j]))
+}
+
+/// The joints that move where they take these positions [rad, m].
 fn moving(robot: &Robot, positions: impl Iterator<Item = Vector3<f64>>) -> Vec<&str> {
     let extremes = positions.fold(None, |extremes: Option<[Vector3<f64>; 2]>, position| {
         Some(extremes.map_or([position, position], |[low, high]| [low.inf(&position), high.sup(&position)]))
     });
     let covered = extremes.map_or_else(Vector3::zeros, |[low, high]| high - low);
-    let moves = |(j, joint): &(usize, &Joint)| covered[*j] > RANGE_MIN[usize::from(joint.kind == JointType::Prismatic)];
-    robot.joints.iter().take(3).enumerate().filter(moves).map(|(_, joint)| joint.name.as_str()).collect()
+    robot.joints.iter().zip(&covered).filter(|(joint, covered)| moves(joint, **covered)).map(|(joint, _)| joint.name.as_str()).collect()
 }
 
 #[cfg(test)]

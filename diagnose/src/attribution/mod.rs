@@ -14,7 +14,7 @@ mod words;
 pub use closure::{Closure, Retuned, Share};
 pub use detectable::Detectable;
 pub use file_numbers::FileNumber;
-pub(crate) use fitness::RANGE_MIN;
+pub(crate) use fitness::moves;
 pub use fitness::{check_bench_fitness, check_fitness};
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;

@@ -11,9 +11,9 @@ use raven::log::Recording;
 use raven::robot::{Joint, JointType, Robot};
 use raven::{Error, Result};
 
-use crate::evidence::recorded::data::{STRIDE_S, WINDOW_S};
-use crate::evidence::recorded::rows::{Links, Observed, Setting, unlike_several};
-use crate::evidence::recorded::torques::{CREEP_RAD_S, SLOW, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping};
+use super::data::{STRIDE_S, WINDOW_S};
+use super::rows::{Links, Observed, Setting, unlike_several};
+use super::torques::{CREEP_RAD_S, SLOW, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping};
 use crate::evidence::weighing::clustered::BLOCK_S;
 pub use recorded::Recorded;
 pub(crate) use recorded::encoder_noise;

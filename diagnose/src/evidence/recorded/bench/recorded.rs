@@ -6,9 +6,9 @@ use raven::effects::{Driven, LinkMotion};
 use raven::log::{JointSeries, Recording};
 use raven::robot::{MotorTrack, Robot};
 
+use super::super::data::{STRIDE_S, shaft};
 use super::by_joint;
 use super::signs::Signs;
-use crate::evidence::recorded::data::{STRIDE_S, shaft};
 
 /// What an encoder's coupling is good for, as part of the range that was moved through: a data sheet's linearity.
 const OF_RANGE: f64 = 1e-3;
