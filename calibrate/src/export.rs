@@ -101,8 +101,8 @@ fn camera_info(name: &str, camera: &Pinhole, rotation: &Matrix3<f64>, projection
     };
     [
         format!("image_width: {}\nimage_height: {}\ncamera_name: {name}\n", camera.width, camera.height),
-        matrix("camera_matrix", (3, 3), by_rows(&intrinsics(camera)).as_slice()),
-        "distortion_model: plumb_bob\n".to_owned(),
+        matrix("camera_matrix", (3, 3), by_rows(&camera.intrinsics()).as_slice()),
+        format!("distortion_model: {}\n", Pinhole::DISTORTION_MODEL),
         matrix("distortion_coefficients", (1, 5), &camera.distortion),
         matrix("rectification_matrix", (3, 3), by_rows(rotation).as_slice()),
         matrix("projection_matrix", (3, 4), projection.transpose().as_slice()),
@@ -156,7 +156,7 @@ pub fn opencv(cameras: &Cameras, path: &Path) -> Result<()> {
         let _ = write!(text, "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {list} ]\n");
     };
     for (i, camera) in [&cameras.left, &cameras.right].into_iter().enumerate() {
-        matrix(["M1", "M2"][i], (3, 3), by_rows(&intrinsics(camera)).as_slice());
+        matrix(["M1", "M2"][i], (3, 3), by_rows(&camera.intrinsics()).as_slice());
         matrix(["D1", "D2"][i], (1, 5), &camera.distortion);
     }
     let rotation: Rotation3<f64> = cameras.right_from_left.rotation.to_rotation_matrix();
@@ -168,10 +168,6 @@ pub fn opencv(cameras: &Cameras, path: &Path) -> Result<()> {
     }
     matrix("Q", (4, 4), rectification.disparity_to_point().transpose().as_slice());
     write_atomic(path, text.as_bytes())
-}
-
-fn intrinsics(camera: &Pinhole) -> Matrix3<f64> {
-    Matrix3::new(camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0)
 }
 
 /// The numbers of a matrix row by row; its memory holds them column by column.

@@ -186,7 +186,14 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
     let records = &followed.records;
     let tips = tips::tips(&cameras, &base_from_left, predictor.frame_id(), records, args.stamp_jitter);
     let metadata = shared::metadata(&cameras, &tips.tips, &predictor.hard_stop_tip());
-    let contents = output::Contents { tips: &tips.tips, metadata: &metadata, records, robot: &robot_text, cameras: &cameras_text };
+    let contents = output::Contents {
+        tips: &tips.tips,
+        metadata: &metadata,
+        records,
+        robot: &robot_text,
+        cameras_text: &cameras_text,
+        cameras: &cameras,
+    };
     let seconds = started.elapsed().as_secs_f64();
     let report = Report::new(&recording, &tips, &followed, counts, seconds);
     // A run in which nothing was seen is the one of which pictures are wanted most.

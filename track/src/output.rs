@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use raven::Result;
+use raven::camera::Cameras;
 use raven::log::{CAMERAS_FILE, Item, LogWriter, ROBOT_FILE, Side, TipObservation, TipStatus, Walker, topics};
 
 use crate::tracker::{Record, Sighting};
@@ -23,15 +24,21 @@ pub struct Contents<'a> {
     /// Text of the robot file.
     pub robot: &'a str,
     /// Text of the cameras file.
-    pub cameras: &'a str,
+    pub cameras_text: &'a str,
+    /// What it says.
+    pub cameras: &'a Cameras,
 }
 
-/// Writes `output` from `recording`: every topic but images, earlier tips and drawings; metadata and attachments; tips and drawings.
+/// Writes `output` from `recording`: every topic but images and what tracking wrote earlier; metadata and attachments; the cameras,
+/// tips and drawings.
 ///
 /// # Errors
 /// If the recording cannot be read or the disk is full; `output` is then left as it was.
 pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<()> {
     let mut log = LogWriter::computed(output)?;
+    if let Some(first) = contents.tips.first() {
+        Side::BOTH.into_iter().try_for_each(|side| log.camera_info(side, first.stamp, contents.cameras))?;
+    }
     let mut channels = std::collections::HashMap::new();
     let mut tips = contents.tips.iter().peekable();
     let mut walker = Walker::open(recording)?;
@@ -62,12 +69,17 @@ pub fn write(recording: &Path, output: &Path, contents: Contents<'_>) -> Result<
     }
     draw(&mut log, contents.records)?;
     log.metadata(TIP, contents.metadata)?;
-    log.made_with(contents.robot, Some(contents.cameras.as_bytes()))?;
+    log.made_with(contents.robot, Some(contents.cameras_text.as_bytes()))?;
     log.finish()
 }
 
 fn is_kept(topic: &str) -> bool {
-    topics::camera_of(topic).is_none() && ![topics::TIP, topics::LEFT_ANNOTATIONS, topics::RIGHT_ANNOTATIONS].contains(&topic)
+    topics::camera_of(topic).is_none() && topic != topics::TIP && !made_of_cameras(topic)
+}
+
+/// Whether a topic follows from the cameras file and the images.
+fn made_of_cameras(topic: &str) -> bool {
+    Side::BOTH.into_iter().any(|side| [topics::camera_info(side), topics::annotations(side)].contains(&topic))
 }
 
 /// Circles around the marker, with the stamps of the images.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
@@ -167,9 +167,9 @@ impl Cameras {
     pub fn to_yaml(&self) -> String {
         let mut text =
             String::from("# Two ROS camera_info blocks; x_right = R x_left + t; x_frame0 = R x_left + t after registration. Metres.\n");
-        let baseline = -self.right.fx * self.baseline_m();
-        text += &camera_info("left", &self.left, 0.0);
-        text += &camera_info("right", &self.right, baseline);
+        let [left, right] = self.projections();
+        text += &camera_info("left", &self.left, &left);
+        text += &camera_info("right", &self.right, &right);
         text += &pose("right_from_left", &self.right_from_left);
         if let Some(base_from_left) = &self.base_from_left {
             text += &pose("base_from_left", base_from_left);
@@ -239,8 +239,8 @@ impl Quality {
 }
 
 fn pinhole(name: &str, info: &CameraInfo) -> Result<Pinhole, String> {
-    if info.distortion_model != "plumb_bob" {
-        return Err(format!("{name}.distortion_model is `{}`, expected `plumb_bob`.", info.distortion_model));
+    if info.distortion_model != Pinhole::DISTORTION_MODEL {
+        return Err(format!("{name}.distortion_model is `{}`, expected `{}`.", info.distortion_model, Pinhole::DISTORTION_MODEL));
     }
     let &[fx, skew, cx, zero_1, fy, cy, zero_2, zero_3, one] = info.camera_matrix.data.as_slice() else {
         return Err(format!("{name}.camera_matrix.data has {} numbers, expected 9.", info.camera_matrix.data.len()));
@@ -287,18 +287,18 @@ fn isometry(name: &str, pose: &Pose) -> Result<Isometry3<f64>, String> {
     Ok(Isometry3::from_parts(Translation3::from(Vector3::new(x, y, z)), rotation))
 }
 
-fn camera_info(name: &str, camera: &Pinhole, fx_baseline: f64) -> String {
-    let (fx, fy, cx, cy) = (camera.fx, camera.fy, camera.cx, camera.cy);
+fn camera_info(name: &str, camera: &Pinhole, projection: &Matrix3x4<f64>) -> String {
     let array = |rows: usize, cols: usize, data: &[f64]| format!("{{rows: {rows}, cols: {cols}, data: {}}}", yaml_list(data));
     format!(
-        "{name}:\n  image_width: {}\n  image_height: {}\n  camera_name: {name}\n  camera_matrix: {}\n  distortion_model: plumb_bob\n  \
+        "{name}:\n  image_width: {}\n  image_height: {}\n  camera_name: {name}\n  camera_matrix: {}\n  distortion_model: {}\n  \
          distortion_coefficients: {}\n  rectification_matrix: {}\n  projection_matrix: {}\n",
         camera.width,
         camera.height,
-        array(3, 3, &[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        array(3, 3, camera.intrinsics().transpose().as_slice()),
+        Pinhole::DISTORTION_MODEL,
         array(1, 5, &camera.distortion),
-        array(3, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
-        array(3, 4, &[fx, 0.0, cx, fx_baseline, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+        array(3, 3, Matrix3::identity().as_slice()),
+        array(3, 4, projection.transpose().as_slice()),
     )
 }
 

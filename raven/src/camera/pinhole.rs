@@ -8,7 +8,7 @@
 //! u = fx x_d + cx,  v = fy y_d + cy
 //! ```
 
-use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
 /// Intrinsic parameters of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +30,15 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
+    /// ROS's name of the distortion's model.
+    pub const DISTORTION_MODEL: &str = "plumb_bob";
+
+    /// Pixel from normalised coordinates without distortion, 3x3 [px].
+    #[must_use]
+    pub fn intrinsics(&self) -> Matrix3<f64> {
+        Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
+    }
+
     /// Pixel of a point in the camera's frame [m]; `None` where it is not in front of the camera.
     #[must_use]
     pub fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {

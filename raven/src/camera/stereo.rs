@@ -1,6 +1,6 @@
 //! Two cameras and the robot: `x_right = R x_left + t`, `x_base = R x_left + t`, and points seen by both.
 
-use nalgebra::{Isometry3, Matrix2, Matrix3, Matrix4, Matrix4x3, Vector2, Vector3, Vector4};
+use nalgebra::{Isometry3, Matrix2, Matrix3, Matrix3x4, Matrix4, Matrix4x3, Vector2, Vector3, Vector4};
 
 use super::{Pinhole, Quality};
 
@@ -96,6 +96,15 @@ impl Cameras {
         let (a, b) = ((lo * rr - ro * lr) / determinant, (lo * lr - ro * ll) / determinant);
         let point = 0.5 * (left * a + origin + right * b);
         (point.z > 0.0).then_some(point)
+    }
+
+    /// Pixels of each camera from its own frame, left and right, 3x4 [px, px m], as of a pair that is not rectified: the right one has the
+    /// baseline's length beside it, as ROS's stereo nodes read it there.
+    #[must_use]
+    pub fn projections(&self) -> [Matrix3x4<f64>; 2] {
+        let [left, mut right] = [&self.left, &self.right].map(|camera| camera.intrinsics().insert_column(3, 0.0));
+        right[(0, 3)] = -self.right.fx * self.baseline_m();
+        [left, right]
     }
 
     /// Distance between the cameras [m].

@@ -22,6 +22,10 @@ pub const RIGHT_RAW: &str = "/stereo/right/image_raw";
 pub const LEFT_FRAME_META: &str = "/stereo/left/frame_meta";
 /// What the driver said about each frame of the right camera.
 pub const RIGHT_FRAME_META: &str = "/stereo/right/frame_meta";
+/// Calibration of the left camera, once.
+pub const LEFT_CAMERA_INFO: &str = "/stereo/left/camera_info";
+/// Calibration of the right camera, once.
+pub const RIGHT_CAMERA_INFO: &str = "/stereo/right/camera_info";
 /// What was drawn on the left image: marker centre and status.
 pub const LEFT_ANNOTATIONS: &str = "/stereo/left/annotations";
 /// What was drawn on the right image: marker centre and status.
@@ -59,6 +63,15 @@ pub const fn frame_meta(side: Side) -> &'static str {
     match side {
         Side::Left => LEFT_FRAME_META,
         Side::Right => RIGHT_FRAME_META,
+    }
+}
+
+/// Topic of the calibration of a camera.
+#[must_use]
+pub const fn camera_info(side: Side) -> &'static str {
+    match side {
+        Side::Left => LEFT_CAMERA_INFO,
+        Side::Right => RIGHT_CAMERA_INFO,
     }
 }
 

@@ -4,14 +4,17 @@ use std::collections::BTreeMap;
 
 use foxglove::messages::points_annotation::Type;
 use foxglove::messages::{
-    CircleAnnotation, Color, CompressedImage, ImageAnnotations, JointState, JointStates, Point2, PointsAnnotation, RawImage,
+    CameraCalibration, CircleAnnotation, Color, CompressedImage, ImageAnnotations, JointState, JointStates, Point2, PointsAnnotation,
+    RawImage,
 };
 use foxglove::{Encode, bytes::Bytes};
+use nalgebra::Matrix3;
 use prost::Message;
 
 use super::protobuf::{ClockSample, Described, FrameMeta, timestamp};
 use super::writer::{ChannelId, LogWriter, SchemaRef, Times};
 use super::{Side, TipObservation, TipStatus, topics};
+use crate::camera::{Cameras, Pinhole};
 use crate::{Error, Result};
 
 impl LogWriter {
@@ -79,6 +82,30 @@ impl LogWriter {
         };
         let joints = names.iter().zip(position).enumerate().map(joint).collect();
         self.foxglove(topic, times, 0, &JointStates { timestamp: timestamp(times.measured), joints })
+    }
+
+    /// Writes what is known of a camera, as its block of `cameras.yaml` says it: viewers draw points of the camera's frame over its images.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn camera_info(&mut self, side: Side, times: impl Into<Times>, cameras: &Cameras) -> Result<()> {
+        let times = times.into();
+        let (camera, projection) = match side {
+            Side::Left => (&cameras.left, cameras.projections()[0]),
+            Side::Right => (&cameras.right, cameras.projections()[1]),
+        };
+        let message = CameraCalibration {
+            timestamp: timestamp(times.measured),
+            frame_id: frame_id(side),
+            width: camera.width,
+            height: camera.height,
+            distortion_model: Pinhole::DISTORTION_MODEL.to_owned(),
+            d: camera.distortion.to_vec(),
+            k: camera.intrinsics().transpose().as_slice().to_vec(),
+            r: Matrix3::identity().as_slice().to_vec(),
+            p: projection.transpose().as_slice().to_vec(),
+        };
+        self.foxglove(topics::camera_info(side), times, 0, &message)
     }
 
     /// Draws what tracking made of an image: a circle of `diameter_px` at the marker, green where it was accepted, red where it was rejected,

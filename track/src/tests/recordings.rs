@@ -1,5 +1,6 @@
 //! Recordings as they come: what is wrong with one is named and counted, and the rest is tracked.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -29,10 +30,14 @@ static LAB: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
 /// What the program says, its JSON, and how it ends.
 fn track(log: &Path, cameras: &Path, more: &[&str]) -> Result<(String, serde_json::Value, Outcome), String> {
     let folder = tempfile::tempdir().unwrap();
-    let (output, json) = (folder.path().join("tracked.mcap"), folder.path().join("track.json"));
+    track_to(&folder.path().join("tracked.mcap"), log, cameras, more)
+}
+
+fn track_to(output: &Path, log: &Path, cameras: &Path, more: &[&str]) -> Result<(String, serde_json::Value, Outcome), String> {
+    let json = output.with_extension("json");
     let name = |path: &Path| path.display().to_string();
     let robot = name(&LAB.path().join("robot.yaml"));
-    let fixed = ["raven-track", &name(log), "--robot", &robot, "--cameras", &name(cameras), "-o", &name(&output), "--json", &name(&json)];
+    let fixed = ["raven-track", &name(log), "--robot", &robot, "--cameras", &name(cameras), "-o", &name(output), "--json", &name(&json)];
     let args = Args::try_parse_from(fixed.into_iter().chain(more.iter().copied())).map_err(|e| e.to_string())?;
     let mut said = Vec::new();
     let outcome = run(args, &mut said).map_err(|e| {
@@ -44,12 +49,18 @@ fn track(log: &Path, cameras: &Path, more: &[&str]) -> Result<(String, serde_jso
 }
 
 /// The recording with its messages changed; `false` leaves one out.
-fn copied(mut change: impl FnMut(&RawMessage<'_>, &mut Vec<u8>) -> bool) -> (tempfile::TempDir, PathBuf) {
+fn copied(change: impl FnMut(&RawMessage<'_>, &mut Vec<u8>) -> bool) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("changed.mcap");
     let mut log = LogWriter::create(&path).unwrap();
+    copy(&LAB.path().join("log.mcap"), &mut log, change);
+    log.finish().unwrap();
+    (folder, path)
+}
+
+fn copy(from: &Path, log: &mut LogWriter, mut change: impl FnMut(&RawMessage<'_>, &mut Vec<u8>) -> bool) {
     let mut channels = std::collections::HashMap::new();
-    Walker::open(&LAB.path().join("log.mcap"))
+    Walker::open(from)
         .unwrap()
         .run(|item| {
             match item {
@@ -67,8 +78,6 @@ fn copied(mut change: impl FnMut(&RawMessage<'_>, &mut Vec<u8>) -> bool) -> (tem
             Ok(())
         })
         .unwrap();
-    log.finish().unwrap();
-    (folder, path)
 }
 
 /// The recording with its frames changed: by camera and by number of the frame, with the time in seconds; `false` leaves the frame out.
@@ -113,6 +122,35 @@ fn a_whole_recording_is_tracked_by_every_centre() {
         assert!(number(&json, "/seen") > 0.7 * number(&json, "/pairs") && json["missing"].as_array().unwrap().is_empty(), "{said}");
     }
     assert!(track(&LAB.path().join("log.mcap"), &cameras(), &["--refine", "--centre", "contour"]).is_err());
+}
+
+/// Messages of each topic.
+fn topics_of(log: &Path) -> BTreeMap<String, u64> {
+    Recording::read(log, &MotorSource::default()).unwrap().topics
+}
+
+#[test]
+fn what_is_tracked_again_has_the_cameras_and_the_drawings_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (first, again) = (folder.path().join("first.mcap"), folder.path().join("again.mcap"));
+    let log = LAB.path().join("log.mcap");
+    let (_, json, _) = track_to(&first, &log, &cameras(), &[]).unwrap();
+    let written = topics_of(&first);
+    for side in Side::BOTH {
+        assert_eq!(written.get(topics::camera_info(side)), Some(&1), "{written:?}");
+        assert!(written[topics::annotations(side)] as f64 >= number(&json, "/seen"), "{written:?}");
+    }
+    let topics_of_lab = topics_of(&log);
+    // A log that has images beside what tracking wrote, as of a converter that merges both.
+    let both = folder.path().join("both.mcap");
+    let mut merged = LogWriter::create(&both).unwrap();
+    copy(&log, &mut merged, |_, _| true);
+    copy(&first, &mut merged, |message, _| !topics_of_lab.contains_key(&message.channel.topic));
+    merged.finish().unwrap();
+    track_to(&again, &both, &cameras(), &[]).unwrap();
+    assert_eq!(topics_of(&again)[topics::LEFT_CAMERA_INFO], 1);
+    assert_eq!(topics_of(&again)[topics::LEFT_ANNOTATIONS], written[topics::LEFT_ANNOTATIONS]);
+    assert_eq!(topics_of(&again)[topics::TIP], written[topics::TIP]);
 }
 
 /// Text between two others.

@@ -1,9 +1,10 @@
 //! Every kind of message that the writer knows, read back.
 
 use approx::assert_relative_eq;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::*;
+use crate::camera::{Cameras, Pinhole, Quality};
 use crate::robot::{ArmSide, SourceFormat};
 
 fn observation(at: u64, status: TipStatus) -> TipObservation {
@@ -103,6 +104,47 @@ fn frames_of_both_kinds() {
     assert_relative_eq!(survey.cameras.unwrap().right_minus_left_s, 0.002, epsilon = 1e-9);
     // Without robot and tip the images give the start.
     assert_eq!(Recording::read(&path, &MotorSource::default()).unwrap().start, ms(0));
+}
+
+#[test]
+fn a_camera_is_described_as_in_its_file() {
+    use foxglove::messages::CameraCalibration;
+    use prost::Message;
+
+    let (_folder, path) = place();
+    let left = Pinhole { width: 640, height: 480, fx: 600.0, fy: 601.0, cx: 320.0, cy: 240.0, distortion: [0.1, -0.2, 0.3, 0.4, 0.5] };
+    let cameras = Cameras {
+        left,
+        right: Pinhole { fx: 610.0, ..left },
+        right_from_left: Isometry3::translation(-0.05, 0.0, 0.0),
+        base_from_left: None,
+        latency_s: 0.0,
+        right_minus_left_s: 0.0,
+        quality: Quality::default(),
+    };
+    let mut log = LogWriter::create(&path).unwrap();
+    Side::BOTH.into_iter().for_each(|side| log.camera_info(side, ms(7), &cameras).unwrap());
+    log.finish().unwrap();
+
+    let mut found = Vec::new();
+    let keep = |item: Item<'_>| {
+        if let Item::Message(message) = item {
+            assert_eq!(message.channel.schema.as_ref().unwrap().name, "foxglove.CameraCalibration");
+            found.push((message.channel.topic.clone(), CameraCalibration::decode(message.data).unwrap()));
+        }
+        Ok(())
+    };
+    Walker::open(&path).unwrap().run(keep).unwrap();
+    let [(left_topic, left), (right_topic, right)] = found.try_into().unwrap();
+    assert_eq!((left_topic.as_str(), right_topic.as_str()), (topics::LEFT_CAMERA_INFO, topics::RIGHT_CAMERA_INFO));
+    assert_eq!((left.width, left.height, left.distortion_model.as_str()), (640, 480, "plumb_bob"));
+    assert_eq!((left.frame_id.as_str(), right.frame_id.as_str()), ("left_camera", "right_camera"));
+    assert_eq!(left.d, [0.1, -0.2, 0.3, 0.4, 0.5]);
+    assert_eq!(left.k, [600.0, 0.0, 320.0, 0.0, 601.0, 240.0, 0.0, 0.0, 1.0]);
+    assert_eq!(left.r, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(left.p, [600.0, 0.0, 320.0, 0.0, 0.0, 601.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    // ROS: fx times the right camera's place on the left one's x axis, negated.
+    assert_eq!(right.p, [610.0, 0.0, 320.0, -30.5, 0.0, 601.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
 }
 
 /// A driver announces a stream long before it sends anything on it, or never does.
