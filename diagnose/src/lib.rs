@@ -132,7 +132,7 @@ pub fn print_library(out: &mut dyn Write) -> Result<Outcome> {
 /// # Errors
 /// If the recording cannot be read or has nothing to hold against the model.
 pub fn diagnose_recording(log: &Path, nominal: &Nominal) -> Result<check::Diagnosed> {
-    let attribution = causes(nominal, &[Recording::read(log, &nominal.robot.into())?])?;
+    let attribution = causes(nominal, &[Recording::of_robot(log, nominal.robot)?])?;
     Ok(check::Diagnosed { verdict: (&attribution).into(), departures: attribution.departures })
 }
 
@@ -141,7 +141,7 @@ pub fn diagnose_recording(log: &Path, nominal: &Nominal) -> Result<check::Diagno
 /// # Errors
 /// As [`diagnose_recording`].
 pub fn when_told(log: &Path, nominal: &Nominal, effects: &[(&str, Option<&str>)]) -> Result<Option<check::Told>> {
-    let recording = Recording::read(log, &nominal.robot.into())?;
+    let recording = Recording::of_robot(log, nominal.robot)?;
     Ok(attribution::when_told(nominal, &[recording], effects)?.as_ref().map(check::Told::from))
 }
 
@@ -158,7 +158,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let bar = cli::progress(args.logs.len() as u64, "reading recordings");
     let mut recordings = Vec::new();
     for path in &args.logs {
-        recordings.push(Recording::read(path, &(&robot).into())?);
+        recordings.push(Recording::of_robot(path, &robot)?);
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use raven::camera::Cameras;
-use raven::log::{MotorSource, Recording, TipObservation, TipStatus};
+use raven::log::{Recording, TipObservation, TipStatus};
 use raven::observation::TipCorrection;
 use raven::robot::{JointType, Robot};
 use raven::{Error, Result, files};
@@ -63,7 +63,7 @@ impl Recordings {
     }
 
     fn add(&mut self, path: &Path, robot: &Robot) -> Result<()> {
-        let recording = Recording::read(path, &MotorSource::from(robot))?;
+        let recording = Recording::of_robot(path, robot)?;
         let motion = Motion::new(recording.motor_track()?, recording.require_motor()?.longest_joined_s())
             .ok_or_else(|| Error::file(path, "the log has a single robot message; an estimate needs a motion."))?;
         let seen: Vec<(f64, &TipObservation)> = recording

@@ -1,13 +1,35 @@
 //! From a log to what models and filters take in: motor angles, and tips at the robot's own times and in its own frame.
 
+use std::path::Path;
+
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::filter::TipAt;
 use crate::log::{JointSeries, Recording, TipStatus};
-use crate::robot::{Arm, MotorTrack, Observation, Robot};
+use crate::robot::{Arm, KinematicsKind, MotorTrack, Observation, Robot};
 use crate::{Error, Result};
 
 impl Recording {
+    /// Reads a log that a robot recorded.
+    ///
+    /// # Errors
+    /// Those of [`Recording::read`], or if its tips are the other arm's.
+    pub fn of_robot(path: &Path, robot: &Robot) -> Result<Self> {
+        let recording = Self::read(path, &robot.into())?;
+        if let KinematicsKind::Raven(kinematics) = &robot.kinematics {
+            let (arm, other) = (kinematics.arm.name(), kinematics.arm.other());
+            if recording.tip.iter().any(|tip| tip.frame_id == other.frame0()) {
+                let message = format!(
+                    "its tips are the {} arm's, in `{}`, and the robot file is the {arm} arm's; give the robot file with which it was tracked.",
+                    other.name(),
+                    other.frame0()
+                );
+                return Err(Error::file(path, message));
+            }
+        }
+        Ok(recording)
+    }
+
     /// Motor angles of the first three joints.
     ///
     /// # Errors

@@ -131,7 +131,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let mut errors: [Vec<JointErrors>; 3] = Default::default();
     let mut summaries = Vec::new();
     for path in &args.logs {
-        let recording = Recording::read(path, &(&robot).into())?;
+        let recording = Recording::of_robot(path, &robot)?;
         if let Some((cameras_path, cameras)) = &cameras {
             cameras.warn_if_others_tracked(cameras_path, [(path, Cameras::of_tracked(&recording))])?;
         }

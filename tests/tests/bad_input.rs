@@ -32,6 +32,7 @@ static SESSION: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     std::fs::write(at.join("empty.mcap"), "").unwrap();
     let millimetres = nominal::GOLD_YAML.replace("link_pulley_radius: 63.095e-3", "link_pulley_radius: 63.095");
     std::fs::write(at.join("millimetres.yaml"), millimetres).unwrap();
+    std::fs::write(at.join("green.yaml"), nominal::GOLD_YAML.replace("arm: gold", "arm: green")).unwrap();
     std::fs::write(at.join("key.yaml"), nominal::GOLD_YAML.replace("hard_stop: 0.0\n", "hardstop: 0.0\n")).unwrap();
     folder
 });
@@ -91,6 +92,15 @@ fn a_file_that_is_no_log() {
 #[test]
 fn a_radius_in_millimetres() {
     each_program("{log.mcap}", "{millimetres.yaml}", &["millimetres.yaml", "joints.shoulder.link_pulley_radius is 63.095", "millimetres?"]);
+}
+
+#[test]
+fn the_robot_file_of_the_other_arm() {
+    let says = ["log.mcap", "the gold arm's, in `frame0_gold`", "the green arm's"];
+    let fixed = ["{log.mcap}", "--robot", "{green.yaml}"];
+    fails(raven_identify::run, &[&fixed[..], &["--cameras", "{cameras.yaml}", "-o", "{never.yaml}"]].concat(), &says);
+    fails(raven_replay::run, &[&fixed[..], &["-o", "{never.mcap}"]].concat(), &says);
+    fails(raven_diagnose::run, &fixed, &says);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use nalgebra::{Point3, Vector2, Vector3};
 use raven::camera::Cameras;
 use raven::log::{JointSeries, Recording, Side, Stamp};
-use raven::robot::{Arm, ArmSide, Robot};
+use raven::robot::{Arm, Robot};
 use raven::{Error, Result};
 
 /// The tip in frame 0 as the motors have it.
@@ -55,10 +55,7 @@ impl<'r> Predictor<'r> {
     /// Name of the arm's frame 0.
     #[must_use]
     pub fn frame_id(&self) -> &'static str {
-        match self.arm.kinematics.arm {
-            ArmSide::Gold => "frame0_gold",
-            ArmSide::Green => "frame0_green",
-        }
+        self.arm.kinematics.arm.frame0()
     }
 }
 

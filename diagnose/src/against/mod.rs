@@ -92,7 +92,7 @@ pub fn compare(
     if count != given {
         return Err(Error::Argument(format!("--against is given {given} times for {count} recordings; give it once per recording.")));
     }
-    let one = |(real, path): (&Recording, &PathBuf)| corrected(robot, cameras, real, &Recording::read(path, &robot.into())?, path);
+    let one = |(real, path): (&Recording, &PathBuf)| corrected(robot, cameras, real, &Recording::of_robot(path, robot)?, path);
     Ok(recordings.iter().zip(simulated).map(one).collect::<Result<Vec<_>>>()?.into_iter().unzip())
 }
 

@@ -62,13 +62,4 @@ impl Constants {
         let (from, to) = COUPLINGS[c];
         format!("cable_coupling.{}.{}", self.joints[from], self.joints[to])
     }
-
-    /// `gold` or `green`, as the controller's names end.
-    #[must_use]
-    pub fn arm_name(&self) -> &'static str {
-        match self.arm {
-            ArmSide::Gold => "gold",
-            ArmSide::Green => "green",
-        }
-    }
 }

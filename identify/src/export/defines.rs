@@ -39,7 +39,7 @@ pub fn header(calibration: &Calibration) -> String {
             header.define(&format!("PARTIAL_PULLEY_LINK{}_RADIUS", j + 1), &format!("({bare:.6} + CABLE_RADIUS_1050)"), &old);
         }
         let ratio = |value: f64| format!("(float)({})", yaml_float(value));
-        header.define(&format!("{joint}_TR_{}_ARM", after.arm_name().to_uppercase()), &ratio(after.ratio[j]), &ratio(before.ratio[j]));
+        header.define(&format!("{joint}_TR_{}_ARM", after.arm.name().to_uppercase()), &ratio(after.ratio[j]), &ratio(before.ratio[j]));
         for (other, maybe) in others(after.arm) {
             header.keep(&format!("{joint}_TR_{other}_ARM"), &ratio(before.ratio[j]), *maybe);
         }
@@ -85,7 +85,7 @@ fn opening(calibration: &Calibration) -> String {
          * Include this file last in include/raven/defines.h, before its #endif, and take the CABLE_COUPLING lines that it\n \
          * replaces out of include/raven/fwd_cable_coupling.h; then compile. Hard stops and couplings are shared by all arms,\n \
          * ratios are not.\n *\n * Logs:\n",
-        calibration.after.arm_name()
+        calibration.after.arm.name()
     );
     for (name, sha256) in calibration.logs() {
         let _ = writeln!(text, "{}", format!(" *   {} {sha256}", name.replace("*/", "* /")).trim_end());

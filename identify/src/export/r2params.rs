@@ -60,7 +60,7 @@ pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<Strin
         ));
     }
     let after = &calibration.after;
-    let arm = after.arm_name();
+    let arm = after.arm.name();
     let gains = ["kp", "kd", "ki"].map(|gain| format!("gains_{arm}_{gain}"));
     let missing: Vec<&str> = gains.iter().map(String::as_str).filter(|key| !before.get(*key).is_some_and(Value::is_array)).collect();
     if !missing.is_empty() {
@@ -89,7 +89,7 @@ pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<Strin
 
 fn lists(calibration: &Calibration) -> Result<[List; 3]> {
     let (after, compiled) = (&calibration.after, Constants::new(&nominal::gold())?);
-    let arm = after.arm_name();
+    let arm = after.arm.name();
     let of_joint = |j: usize, key: &str| format!("joints.{}.{key}", after.joints[j]);
     let ratio = |j: usize| Number { key: of_joint(j, "link_pulley_radius"), value: after.ratio[j], compiled: compiled.ratio[j] };
     let hard_stop = |j: usize| Number { key: of_joint(j, "hard_stop"), value: after.hard_stop[j], compiled: compiled.hard_stop[j] };

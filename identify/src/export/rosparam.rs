@@ -25,11 +25,11 @@ pub fn yaml(path: &Path, robot: &Robot, calibration: &Calibration) -> Result<Str
         ));
     }
     let after = &calibration.after;
-    let mut text = format!("# Calibrated Raven-II, {} arm: SI units, motor angles per joint motion.\n", after.arm_name());
+    let mut text = format!("# Calibrated Raven-II, {} arm: SI units, motor angles per joint motion.\n", after.arm.name());
     for remark in remarks(&calibration.identified) {
         let _ = writeln!(text, "# {remark}");
     }
-    let _ = writeln!(text, "raven_calibration:\n  {}:\n    robot: {}", after.arm_name(), yaml_string(&robot.name));
+    let _ = writeln!(text, "raven_calibration:\n  {}:\n    robot: {}", after.arm.name(), yaml_string(&robot.name));
     for (j, joint) in robot.joints.iter().take(3).enumerate() {
         let _ = writeln!(text, "    {}:", yaml_string(&joint.name));
         let mut key = |name: &str, value: f64| {

@@ -25,6 +25,35 @@ pub enum ArmSide {
     Green,
 }
 
+impl ArmSide {
+    /// As in robot files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gold => "gold",
+            Self::Green => "green",
+        }
+    }
+
+    /// Name of the arm's frame 0 in logs.
+    #[must_use]
+    pub const fn frame0(self) -> &'static str {
+        match self {
+            Self::Gold => "frame0_gold",
+            Self::Green => "frame0_green",
+        }
+    }
+
+    /// The arm on the other side.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Gold => Self::Green,
+            Self::Green => Self::Gold,
+        }
+    }
+}
+
 /// On which side of the remote centre the tracked point is: the inverse has two branches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Branch {

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::{Hysteresis, Joint, JointType, KinematicsKind, ListedEffect, Observation, Provenance, Robot, SourceFormat};
+use crate::Result;
 use crate::files::{self, yaml_float, yaml_list as list, yaml_string};
-use crate::{Result, robot::ArmSide};
 
 impl Robot {
     /// Writes the file in one step; the old one stays until the new one is whole.
@@ -30,13 +30,9 @@ impl Robot {
         match &self.kinematics {
             KinematicsKind::Bench => line("kinematics: {kind: bench}".to_owned()),
             KinematicsKind::Raven(k) => {
-                let arm = match k.arm {
-                    ArmSide::Gold => "gold",
-                    ArmSide::Green => "green",
-                };
                 line("kinematics:".to_owned());
                 line("  kind: raven".to_owned());
-                line(format!("  arm: {arm}"));
+                line(format!("  arm: {}", k.arm.name()));
                 line(format!("  link_angle_12: {}", yaml_float(k.link_angle_12)));
                 line(format!("  link_angle_23: {}", yaml_float(k.link_angle_23)));
                 line(format!("  wrist_offset: {}", yaml_float(k.wrist_offset)));

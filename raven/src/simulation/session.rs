@@ -19,7 +19,7 @@ use super::trace::{Recorder, Trace};
 use super::truth::{Truth, stream};
 use crate::camera::Cameras;
 use crate::log::{LogWriter, Side, Times, TipObservation, TipStatus, topics};
-use crate::robot::{ArmSide, JointType, Kinematics, KinematicsKind, Robot, SourceFormat};
+use crate::robot::{JointType, Kinematics, KinematicsKind, Robot, SourceFormat};
 use crate::{Error, Result};
 
 /// What a recording holds.
@@ -221,11 +221,7 @@ impl Session {
     /// The tip as a tracker would find it in the images of both cameras.
     fn tips(&self, motion: Motion, duration_s: f64, rig: &Rig, kinematics: &Kinematics, trace: &Trace) -> Vec<TipObservation> {
         let hidden = self.hidings(motion, duration_s);
-        let frame_id = match kinematics.arm {
-            ArmSide::Gold => "frame0_gold",
-            ArmSide::Green => "frame0_green",
-        };
-        let observer = Observer { rig, delays: &self.truth.delays, noise_px: self.options.noise_px, frame_id };
+        let observer = Observer { rig, delays: &self.truth.delays, noise_px: self.options.noise_px, frame_id: kinematics.arm.frame0() };
         let tip_at = |time_s: f64| kinematics.forward(&trace.joint_at(time_s)) + self.base_shift_m(time_s);
         let mut rng = stream(self.truth.seed, &format!("tip {motion}"));
         let [left, _] = self.frames(motion, duration_s);

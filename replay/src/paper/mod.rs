@@ -117,5 +117,5 @@ fn tuning(robot: &Robot, folder: &Path) -> Result<(Friction, Wander)> {
 }
 
 fn read(path: &Path, robot: &Robot) -> Result<Recording> {
-    Recording::read(path, &robot.into())
+    Recording::of_robot(path, robot)
 }
