@@ -20,7 +20,7 @@ use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::Recording;
-use raven::robot::{KinematicsKind, Robot};
+use raven::robot::{KinematicsKind, PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
 use serde::Serialize;
 
@@ -169,7 +169,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     recordings.iter().for_each(|recording| Cameras::warn_if_latency_counts_twice(&robot, recording));
     let mut report = Report::new(&robot, &args.logs, &residuals);
-    report.lost = recordings.iter().filter_map(Recording::unusable).collect();
+    report.lost = recordings.iter().flat_map(lost).collect();
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
     let mut lenses = cameras.as_ref();
     let mut simulations = Vec::new();
@@ -215,6 +215,17 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     report.lost.iter().for_each(|sentence| cli::warn(sentence));
     Ok(Outcome::Done)
+}
+
+/// What of a recording could not be used, in sentences.
+fn lost(recording: &Recording) -> impl Iterator<Item = String> {
+    let intervals_s = recording.motor.iter().flat_map(|motor| motor.time_s.windows(2)).map(|pair| pair[1] - pair[0]);
+    let pauses_s: f64 = intervals_s.filter(|interval_s| *interval_s > PAUSE_MAX_S).sum();
+    let in_pauses = (pauses_s > 0.0).then(|| {
+        let name = recording.name();
+        format!("{name}: {pauses_s:.1} s without motor angles, in pauses of more than {PAUSE_MAX_S} s, were left out.")
+    });
+    recording.unusable().into_iter().chain(in_pauses)
 }
 
 /// What recordings say of causes.
@@ -401,7 +412,7 @@ mod tests {
         robot.write(file("robot.yaml").as_ref()).unwrap();
         let names: Vec<String> = robot.joints.iter().map(|joint| joint.name.clone()).collect();
         let mut log = LogWriter::create(file("log.mcap").as_ref()).unwrap();
-        for (ms, angle) in [(0, 0.1), (1, f64::NAN), (2, 0.1)] {
+        for (ms, angle) in [(0, 0.1), (1, f64::NAN), (2, 0.1), (3002, 0.1), (3003, 0.1), (3403, 0.1)] {
             log.joint_states("/motors", Stamp(1_000_000_000 + 1_000_000 * ms), &names, &[angle; 3], Some(&[0.0; 3])).unwrap();
         }
         log.finish().unwrap();
@@ -410,8 +421,11 @@ mod tests {
         let args = <Args as clap::Parser>::parse_from(std::iter::once("raven-diagnose".to_owned()).chain(words));
         run(args, &mut Vec::new()).unwrap();
         let read = |name: &str| std::fs::read_to_string(file(name)).unwrap();
-        let lost = "log.mcap: 1 messages without finite numbers were left out.";
-        assert_eq!(serde_json::from_str::<Value>(&read("report.json")).unwrap()["lost"], json!([lost]));
-        assert!(read("report.html").contains(lost));
+        let lost = [
+            "log.mcap: 1 messages without finite numbers were left out.",
+            "log.mcap: 3.0 s without motor angles, in pauses of more than 0.5 s, were left out.",
+        ];
+        assert_eq!(serde_json::from_str::<Value>(&read("report.json")).unwrap()["lost"], json!(lost));
+        assert!(lost.iter().all(|lost| read("report.html").contains(lost)));
     }
 }
