@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Rotation3, Vector2, Vector3};
 use raven::camera::{Cameras, Pinhole};
-use raven::files::{write_atomic, yaml_float, yaml_list};
-use raven::{Error, Result};
+use raven::files::write_atomic;
+use raven::{Error, Result, yaml};
 
 /// Both cameras turned and scaled so that one row of pixels shows the same in both.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +97,7 @@ pub fn ros(cameras: &Cameras, folder: &Path) -> Result<()> {
 
 fn camera_info(name: &str, camera: &Pinhole, rotation: &Matrix3<f64>, projection: &Matrix3x4<f64>) -> String {
     let matrix = |key: &str, (rows, columns): (usize, usize), data: &[f64]| {
-        format!("{key}:\n  rows: {rows}\n  cols: {columns}\n  data: {}\n", yaml_list(data))
+        format!("{key}:\n  rows: {rows}\n  cols: {columns}\n  data: {}\n", yaml::list(data))
     };
     [
         format!("image_width: {}\nimage_height: {}\ncamera_name: {name}\n", camera.width, camera.height),
@@ -126,8 +126,8 @@ pub fn kalibr(cameras: &Cameras, path: &Path) -> Result<()> {
             "cam{i}:\n  cam_overlaps: [{}]\n  camera_model: pinhole\n  distortion_coeffs: {}\n  distortion_model: radtan\n  intrinsics: {}\n  \
              resolution: [{}, {}]\n  rostopic: /stereo/{}/image_raw\n",
             1 - i,
-            yaml_list(&[k1, k2, p1, p2]),
-            yaml_list(&[camera.fx, camera.fy, camera.cx, camera.cy]),
+            yaml::list(&[k1, k2, p1, p2]),
+            yaml::list(&[camera.fx, camera.fy, camera.cx, camera.cy]),
             camera.width,
             camera.height,
             ["left", "right"][i],
@@ -135,7 +135,7 @@ pub fn kalibr(cameras: &Cameras, path: &Path) -> Result<()> {
         if i == 1 {
             text += "  T_cn_cnm1:\n";
             for row in cameras.right_from_left.to_homogeneous().row_iter() {
-                let _ = writeln!(text, "  - {}", yaml_list(&row.iter().copied().collect::<Vec<_>>()));
+                let _ = writeln!(text, "  - {}", yaml::list(&row.iter().copied().collect::<Vec<_>>()));
             }
         }
     }
@@ -151,7 +151,7 @@ pub fn opencv(cameras: &Cameras, path: &Path) -> Result<()> {
     let mut text = String::from("%YAML:1.0\n---\n");
     let _ = write!(text, "image_width: {}\nimage_height: {}\n", cameras.left.width, cameras.left.height);
     let mut matrix = |name: &str, (rows, columns): (usize, usize), data: &[f64]| {
-        let numbers: Vec<String> = data.iter().map(|&v| yaml_float(v)).collect();
+        let numbers: Vec<String> = data.iter().map(|&v| yaml::float(v)).collect();
         let list = numbers.join(", ");
         let _ = write!(text, "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {list} ]\n");
     };

@@ -23,46 +23,6 @@ pub fn read_text(path: &Path) -> Result<String> {
     text.map_err(|e| Error::io(path, "read", e))
 }
 
-/// Parses YAML that was read from `path`.
-///
-/// # Errors
-/// With line, column and the key, if the text is not YAML or not of the type asked for.
-pub fn parse_yaml<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
-    serde_saphyr::from_str(text).map_err(|error| {
-        let place = error.location().map_or_else(String::new, |l| format!("line {}, column {}: ", l.line(), l.column()));
-        let sentence = error.without_snippet().to_string();
-        Error::file(path, format!("{place}{}.", sentence.lines().next().unwrap_or_default().trim_end_matches('.')))
-    })
-}
-
-/// A number as every YAML 1.1 reader takes for a float: with a decimal point and no exponent, `720000.0`, never `7.2e5` or `0`.
-#[must_use]
-pub fn yaml_float(value: f64) -> String {
-    if value.is_nan() {
-        return ".nan".to_owned();
-    }
-    if value.is_infinite() {
-        return if value > 0.0 { ".inf" } else { "-.inf" }.to_owned();
-    }
-    let text = value.to_string();
-    if text.contains('.') { text } else { text + ".0" }
-}
-
-/// A flow sequence of [`yaml_float`]s.
-#[must_use]
-pub fn yaml_list(values: &[f64]) -> String {
-    format!("[{}]", values.iter().map(|&v| yaml_float(v)).collect::<Vec<_>>().join(", "))
-}
-
-/// A string as a YAML scalar, quoted where plain text could be read as something else.
-#[must_use]
-pub fn yaml_string(text: &str) -> String {
-    let plain = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '/')
-        && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c))
-        && !["true", "false", "yes", "no", "on", "off", "null", "y", "n"].contains(&text.to_ascii_lowercase().as_str());
-    if plain { text.to_owned() } else { serde_json::Value::from(text).to_string() }
-}
-
 /// Replaces `path` by `contents` in one step; whoever reads it meanwhile sees the old file or the new one, never a part. What a symbolic link
 /// points to is replaced, and pipes and devices are written to as they are.
 ///

@@ -17,5 +17,6 @@ pub mod plot;
 pub mod robot;
 pub mod simulation;
 pub mod stats;
+pub mod yaml;
 
 pub use error::{Error, Result};

@@ -100,13 +100,13 @@ fn files_and_a_log_of_the_same_pictures_give_the_same_cameras() {
     }
     // ROS's block alone is what stands in the file of both cameras, but for the rectification.
     let text = std::fs::read_to_string(Path::new(&ros).join("right.yaml")).unwrap();
-    let info: serde_json::Value = raven::files::parse_yaml(Path::new("right.yaml"), &text).unwrap();
+    let info: serde_json::Value = raven::yaml::parse(Path::new("right.yaml"), &text).unwrap();
     assert_eq!((&info["camera_name"], &info["distortion_model"]), (&"right".into(), &"plumb_bob".into()));
     assert_eq!(info["camera_matrix"]["data"][0].as_f64(), Some(read.right.fx));
     let (focal, shift) = (info["projection_matrix"]["data"][0].as_f64().unwrap(), info["projection_matrix"]["data"][3].as_f64().unwrap());
     assert!((shift / focal + read.baseline_m()).abs() < 1e-12, "{focal} {shift}");
     let text = std::fs::read_to_string(&kalibr).unwrap();
-    let chain: serde_json::Value = raven::files::parse_yaml(Path::new(&kalibr), &text).unwrap();
+    let chain: serde_json::Value = raven::yaml::parse(Path::new(&kalibr), &text).unwrap();
     assert_eq!(chain["cam1"]["T_cn_cnm1"][0][3].as_f64(), Some(read.right_from_left.translation.x));
     assert_eq!(chain["cam0"]["intrinsics"][2].as_f64(), Some(read.left.cx));
     let text = std::fs::read_to_string(&opencv).unwrap();

@@ -10,8 +10,8 @@
 
 use std::fmt::Write as _;
 
-use raven::files::yaml_float;
 use raven::robot::ArmSide;
+use raven::yaml;
 
 use super::calibration::{Calibration, remarks};
 use super::constants::COUPLINGS;
@@ -38,7 +38,7 @@ pub fn header(calibration: &Calibration) -> String {
             let old = bare_radius_mm(j, before.link_radius[j]).map_or_else(String::new, |mm| format!("({mm:.4} + CABLE_RADIUS_1050)"));
             header.define(&format!("PARTIAL_PULLEY_LINK{}_RADIUS", j + 1), &format!("({bare:.6} + CABLE_RADIUS_1050)"), &old);
         }
-        let ratio = |value: f64| format!("(float)({})", yaml_float(value));
+        let ratio = |value: f64| format!("(float)({})", yaml::float(value));
         header.define(&format!("{joint}_TR_{}_ARM", after.arm.name().to_uppercase()), &ratio(after.ratio[j]), &ratio(before.ratio[j]));
         for (other, maybe) in others(after.arm) {
             header.keep(&format!("{joint}_TR_{other}_ARM"), &ratio(before.ratio[j]), *maybe);
@@ -47,14 +47,14 @@ pub fn header(calibration: &Calibration) -> String {
     for (j, joint) in JOINTS.into_iter().enumerate() {
         if before.hard_stop[j] != after.hard_stop[j] {
             header.comment(&format!("offset_{}{}", j + 1, deviation(calibration, &format!("joints.{}.hard_stop", after.joints[j]))));
-            let number = |value: f64| format!("({})", yaml_float(value));
+            let number = |value: f64| format!("({})", yaml::float(value));
             header.define(&format!("{joint}_MAX_ANGLE"), &number(after.hard_stop[j]), &number(before.hard_stop[j]));
         }
     }
     for (c, (from, to)) in COUPLINGS.into_iter().enumerate() {
         if before.coupling[c] != after.coupling[c] {
             header.comment(&format!("coupling_{}{}{}", from + 1, to + 1, deviation(calibration, &after.coupling_key(c))));
-            let number = |value: f64| format!("(float)({})", yaml_float(value));
+            let number = |value: f64| format!("(float)({})", yaml::float(value));
             header.define(&format!("CABLE_COUPLING_{from}{to}"), &number(after.coupling[c]), &number(before.coupling[c]));
         }
     }

@@ -9,9 +9,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use raven::files::{parse_yaml, yaml_list};
 use raven::robot::{Provenance, nominal};
-use raven::{Error, Result};
+use raven::{Error, Result, yaml};
 use serde_json::Value;
 
 use super::calibration::{Calibration, remarks};
@@ -50,7 +49,7 @@ struct List {
 /// If the base is not the YAML of a parameter file with the arm's gains, or a number that was not identified is another one in the robot
 /// file than before.
 pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<String> {
-    let before: Parameters = parse_yaml(path, base)?;
+    let before: Parameters = yaml::parse(path, base)?;
     let is_ours = ["format", "right_from_left"].into_iter().find(|key| before.contains_key(*key));
     if let Some(key) = is_ours {
         let what = if key == "format" { "robot file" } else { "camera file" };
@@ -77,11 +76,11 @@ pub fn merge(path: &Path, base: &str, calibration: &Calibration) -> Result<Strin
     let mut expected = before.clone();
     for list in lists(calibration)? {
         let values = list.values(path, &before, calibration)?;
-        let line = format!("{}: {}{}{newline}", list.key, yaml_list(&values), list.comment(calibration));
+        let line = format!("{}: {}{}{newline}", list.key, yaml::list(&values), list.comment(calibration));
         text = replace(path, &text, &list.key, &line, newline)?;
         expected.insert(list.key, serde_json::json!(values));
     }
-    if parse_yaml::<Parameters>(path, &text)? != expected {
+    if yaml::parse::<Parameters>(path, &text)? != expected {
         return Err(Error::file(path, "its layout is not one that lists can be put into; write each key at the start of a line."));
     }
     Ok(text)
@@ -194,7 +193,6 @@ fn is_key(line: &str, key: &str) -> bool {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use raven::files::yaml_float;
 
     const GAINS: &str = "gains_gold_kp: [1.0]\ngains_gold_kd: [1.0]\ngains_gold_ki: [1.0]\n";
 
@@ -232,8 +230,8 @@ mod tests {
         fn all_but_the_calibrated_lists_stays(before in prop::collection::vec(chunk(), 0..6), after in prop::collection::vec(chunk(), 0..6)) {
             let (before, after, path) = (format!("{GAINS}{}", before.concat()), after.concat(), Path::new("base.yaml"));
             let calibration = calibration();
-            prop_assume!(parse_yaml::<Parameters>(path, &format!("{before}{after}x: 1.0\n")).is_ok());
-            let old = format!("tr_gold:\n- 1.0\n\n# inside\n- {}\n", yaml_float(calibration.after.ratio[1]));
+            prop_assume!(yaml::parse::<Parameters>(path, &format!("{before}{after}x: 1.0\n")).is_ok());
+            let old = format!("tr_gold:\n- 1.0\n\n# inside\n- {}\n", yaml::float(calibration.after.ratio[1]));
             let text = merge(path, &format!("{before}{old}{after}x: 1.0\n"), &calibration).unwrap();
             let tail = format!("{after}x: 1.0\n");
             prop_assert!(text.starts_with(&before), "{text}");

@@ -3,9 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use raven::files::{yaml_float, yaml_list, yaml_string};
 use raven::robot::Robot;
-use raven::{Error, Result};
+use raven::{Error, Result, yaml};
 
 use super::calibration::{Calibration, remarks};
 
@@ -29,11 +28,11 @@ pub fn yaml(path: &Path, robot: &Robot, calibration: &Calibration) -> Result<Str
     for remark in remarks(&calibration.identified) {
         let _ = writeln!(text, "# {remark}");
     }
-    let _ = writeln!(text, "raven_calibration:\n  {}:\n    robot: {}", after.arm.name(), yaml_string(&robot.name));
+    let _ = writeln!(text, "raven_calibration:\n  {}:\n    robot: {}", after.arm.name(), yaml::string(&robot.name));
     for (j, joint) in robot.joints.iter().take(3).enumerate() {
-        let _ = writeln!(text, "    {}:", yaml_string(&joint.name));
+        let _ = writeln!(text, "    {}:", yaml::string(&joint.name));
         let mut key = |name: &str, value: f64| {
-            let _ = writeln!(text, "      {name}: {}", yaml_float(value));
+            let _ = writeln!(text, "      {name}: {}", yaml::float(value));
         };
         key("transmission_ratio", after.ratio[j]);
         key("gear_ratio", joint.gear_ratio);
@@ -49,15 +48,15 @@ pub fn yaml(path: &Path, robot: &Robot, calibration: &Calibration) -> Result<Str
             key("viscous_friction", friction.viscous);
         }
     }
-    let _ = writeln!(text, "    cable_coupling: {}  # C01 [rad/rad], C02, C12 [m/rad]", yaml_list(&after.coupling));
-    let _ = writeln!(text, "    camera_latency: {}", yaml_float(robot.observation.latency));
+    let _ = writeln!(text, "    cable_coupling: {}  # C01 [rad/rad], C02, C12 [m/rad]", yaml::list(&after.coupling));
+    let _ = writeln!(text, "    camera_latency: {}", yaml::float(robot.observation.latency));
     text.push_str("    identified:  # value and standard deviation\n");
     for entry in &calibration.identified {
-        let _ = writeln!(text, "      {}: {}", yaml_string(&entry.parameter), yaml_list(&[entry.value, entry.std]));
+        let _ = writeln!(text, "      {}: {}", yaml::string(&entry.parameter), yaml::list(&[entry.value, entry.std]));
     }
     text.push_str("    logs:\n");
     for (name, sha256) in calibration.logs() {
-        let _ = writeln!(text, "      - {{name: {}, sha256: {}}}", yaml_string(name), yaml_string(sha256));
+        let _ = writeln!(text, "      - {{name: {}, sha256: {}}}", yaml::string(name), yaml::string(sha256));
     }
     Ok(text)
 }

@@ -9,9 +9,8 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use super::{Cameras, Pinhole};
-use crate::files::{self, yaml_float, yaml_list};
 use crate::log::LARGEST_SIDE;
-use crate::{Error, Result};
+use crate::{Error, Result, files, yaml};
 
 /// How good a calibration was. All members are optional: a file from elsewhere may not say.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
@@ -126,7 +125,7 @@ impl Cameras {
     /// # Errors
     /// As [`Self::read`].
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
-        let file: CamerasFile = files::parse_yaml(path, text)?;
+        let file: CamerasFile = yaml::parse(path, text)?;
         let build = || -> Result<Self, String> {
             let cameras = Self {
                 left: pinhole("left", &file.left)?,
@@ -149,7 +148,7 @@ impl Cameras {
             }
             Ok(cameras)
         };
-        let checked = |cameras| files::parse_yaml::<Keys>(path, text).map_or(Ok(()), |keys| keys.check()).map(|()| cameras);
+        let checked = |cameras| yaml::parse::<Keys>(path, text).map_or(Ok(()), |keys| keys.check()).map(|()| cameras);
         build().and_then(checked).map_err(|message| Error::file(path, message))
     }
 
@@ -174,9 +173,9 @@ impl Cameras {
         if let Some(base_from_left) = &self.base_from_left {
             text += &pose("base_from_left", base_from_left);
         }
-        let _ = writeln!(text, "latency: {}", yaml_float(self.latency_s));
+        let _ = writeln!(text, "latency: {}", yaml::float(self.latency_s));
         if self.right_minus_left_s != 0.0 {
-            let _ = writeln!(text, "right_minus_left: {}", yaml_float(self.right_minus_left_s));
+            let _ = writeln!(text, "right_minus_left: {}", yaml::float(self.right_minus_left_s));
         }
         text += &self.quality.to_yaml();
         text
@@ -226,12 +225,12 @@ impl Quality {
         let mut lines = String::new();
         for (key, value) in self.numbers() {
             if let Some(value) = value {
-                let _ = writeln!(lines, "  {key}: {}", yaml_float(value));
+                let _ = writeln!(lines, "  {key}: {}", yaml::float(value));
             }
         }
         for (key, values) in self.lists() {
             if let Some(values) = values {
-                let _ = writeln!(lines, "  {key}: {}", yaml_list(values));
+                let _ = writeln!(lines, "  {key}: {}", yaml::list(values));
             }
         }
         if lines.is_empty() { lines } else { format!("quality:\n{lines}") }
@@ -288,7 +287,7 @@ fn isometry(name: &str, pose: &Pose) -> Result<Isometry3<f64>, String> {
 }
 
 fn camera_info(name: &str, camera: &Pinhole, projection: &Matrix3x4<f64>) -> String {
-    let array = |rows: usize, cols: usize, data: &[f64]| format!("{{rows: {rows}, cols: {cols}, data: {}}}", yaml_list(data));
+    let array = |rows: usize, cols: usize, data: &[f64]| format!("{{rows: {rows}, cols: {cols}, data: {}}}", yaml::list(data));
     format!(
         "{name}:\n  image_width: {}\n  image_height: {}\n  camera_name: {name}\n  camera_matrix: {}\n  distortion_model: {}\n  \
          distortion_coefficients: {}\n  rectification_matrix: {}\n  projection_matrix: {}\n",
@@ -304,6 +303,6 @@ fn camera_info(name: &str, camera: &Pinhole, projection: &Matrix3x4<f64>) -> Str
 
 fn pose(name: &str, pose: &Isometry3<f64>) -> String {
     let rotation = pose.rotation.to_rotation_matrix().into_inner().transpose();
-    let translation = yaml_list(pose.translation.vector.as_slice());
-    format!("{name}: {{rotation: {}, translation: {translation}}}\n", yaml_list(rotation.as_slice()))
+    let translation = yaml::list(pose.translation.vector.as_slice());
+    format!("{name}: {{rotation: {}, translation: {translation}}}\n", yaml::list(rotation.as_slice()))
 }

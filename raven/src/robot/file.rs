@@ -5,8 +5,8 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::link_model::stiction_speed;
-use super::{Cable, Hysteresis, Kinematics, Link, ListedEffect};
-use crate::{Error, Result, files};
+use super::{ArmSide, Cable, Hysteresis, Kinematics, Link, ListedEffect};
+use crate::{Error, Result, files, yaml};
 
 /// One robot: the whole parameter file.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -48,12 +48,49 @@ pub struct Robot {
 
 /// `kinematics:` of the file.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase")]
+#[serde(try_from = "KinematicsKeys")]
 pub enum KinematicsKind {
     /// The first three joints of a Raven-II arm.
     Raven(Kinematics),
     /// A drive whose joint is measured directly: no tip, no camera.
     Bench,
+}
+
+/// The keys of both kinds; an error in one of them says where it stands, which is lost where serde tells kinds apart.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KinematicsKeys {
+    kind: Kind,
+    arm: Option<ArmSide>,
+    link_angle_12: Option<f64>,
+    link_angle_23: Option<f64>,
+    wrist_offset: Option<f64>,
+    gravity: Option<[f64; 3]>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Raven,
+    Bench,
+}
+
+impl TryFrom<KinematicsKeys> for KinematicsKind {
+    type Error = String;
+
+    fn try_from(keys: KinematicsKeys) -> std::result::Result<Self, String> {
+        if keys.kind == Kind::Bench {
+            return Ok(Self::Bench);
+        }
+        let missing = |key: &str| format!("missing field `{key}`");
+        Ok(Self::Raven(Kinematics {
+            arm: keys.arm.ok_or_else(|| missing("arm"))?,
+            link_angle_12: keys.link_angle_12.ok_or_else(|| missing("link_angle_12"))?,
+            link_angle_23: keys.link_angle_23.ok_or_else(|| missing("link_angle_23"))?,
+            wrist_offset: keys.wrist_offset.ok_or_else(|| missing("wrist_offset"))?,
+            gravity: keys.gravity.ok_or_else(|| missing("gravity"))?,
+        }))
+    }
 }
 
 /// Where a log has the motor side.
@@ -365,7 +402,7 @@ impl Robot {
     /// # Errors
     /// As [`Self::read`].
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
-        let robot: Self = files::parse_yaml(path, text)?;
+        let robot: Self = yaml::parse(path, text)?;
         robot.check().map_err(|message| Error::file(path, message))?;
         Ok(robot)
     }

@@ -64,8 +64,7 @@ pub enum Branch {
 }
 
 /// Geometry of the first three joints.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kinematics {
     /// Gold or green.
     pub arm: ArmSide,
@@ -75,7 +74,7 @@ pub struct Kinematics {
     pub link_angle_23: f64,
     /// `d4` [m]: the tracked point sits at `d3 + d4` along the tool.
     pub wrist_offset: f64,
-    gravity: [f64; 3],
+    pub(super) gravity: [f64; 3],
 }
 
 impl Kinematics {

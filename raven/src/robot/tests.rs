@@ -288,11 +288,7 @@ fn a_number_that_no_robot_has_is_named() {
     }
     for (key, value, _) in nominal().tolerances.numbers() {
         for wrong in ["0.0", "-0.1", ".nan"] {
-            refused(
-                &format!("\n  {key}: {}", crate::files::yaml_float(value)),
-                &format!("\n  {key}: {wrong}"),
-                &format!("tolerances.{key} is "),
-            );
+            refused(&format!("\n  {key}: {}", crate::yaml::float(value)), &format!("\n  {key}: {wrong}"), &format!("tolerances.{key} is "));
         }
     }
     let inertia = "inertia: [0.004649472, 0.008798247, 0.012981742, 0.000299691, -0.000027919, -0.000346185]";
@@ -405,6 +401,6 @@ proptest! {
 
     #[test]
     fn any_text_is_read_or_refused(text in "\\PC{0,200}") {
-        let _ = crate::files::parse_yaml::<Robot>(std::path::Path::new("x.yaml"), &text);
+        let _ = crate::yaml::parse::<Robot>(std::path::Path::new("x.yaml"), &text);
     }
 }

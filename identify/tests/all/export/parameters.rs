@@ -57,7 +57,7 @@ impl Master {
         let text = self.rosparam(&["get".as_ref(), name.as_ref()]);
         // What the controller casts to double must have come as one: PyYAML prints those with a point.
         assert!(text.lines().filter(|l| !l.trim().is_empty()).all(|l| l.contains('.')), "{name} is no list of doubles: {text}");
-        raven::files::parse_yaml(Path::new(name), &text).unwrap()
+        raven::yaml::parse(Path::new(name), &text).unwrap()
     }
 }
 
