@@ -26,6 +26,8 @@ const CLOSE_STEPS_MAX: usize = 8;
 /// Where a fit ends, slopes by how joints follow their cables, which go by all numbers, are taken anew as long as that brought so much the last
 /// time [nat]: without, the nominal model's fit stops up to twenty nats short.
 const RENEWED_MIN: f64 = 1.0;
+/// A fit by closer slopes counts in place of another unless it ended so much higher [nat].
+const CLOSER_WITHIN: f64 = 1.0;
 /// A number of the nominal model is strained if it is so many of its tolerances off.
 pub const STRAINED: f64 = 4.0;
 /// Farthest a number is moved at once, in units of the slab.
@@ -46,6 +48,8 @@ pub struct Hypothesis {
     pub cost: f64,
     /// `ln Z` [nat].
     pub evidence: f64,
+    /// Part of that which it was raised by, to stand beside fits by other slopes [nat].
+    pub raised: f64,
     /// Whether slopes are those of rolled-out links throughout. By others a number may seem to matter more or less than it does, and `ln Z` be off
     /// by several nats.
     pub is_close: bool,
@@ -61,8 +65,8 @@ impl Hypothesis {
     #[must_use]
     pub fn supersedes(&self, known: &Self) -> bool {
         match (self.is_close, known.is_close) {
-            (true, false) => self.cost < known.cost + RENEWED_MIN,
-            (false, true) => self.cost < known.cost - RENEWED_MIN,
+            (true, false) => self.cost < known.cost + CLOSER_WITHIN,
+            (false, true) => self.cost < known.cost - CLOSER_WITHIN,
             _ => self.evidence > known.evidence,
         }
     }
@@ -211,7 +215,7 @@ impl Fitter<'_> {
         let Descent { u, residuals, cost, .. } = at;
         let Some((evidence, covariance)) = evidence(&information, &precision, cost) else { return Ok(None) };
         let columns = slopes.columns();
-        let mut hypothesis = Hypothesis { effects, u, free, covariance, cost, evidence, is_close, residuals, columns };
+        let mut hypothesis = Hypothesis { effects, u, free, covariance, cost, evidence, raised: 0.0, is_close, residuals, columns };
         hypothesis.evidence += self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &|c| hypothesis.std(c));
         Ok(Some(hypothesis))
     }

@@ -86,7 +86,10 @@ pub(super) fn anchored(close: &mut [Hypothesis], known: &Hypothesis) {
     let beyond_cost = |h: &Hypothesis| h.evidence + h.cost;
     let same = close.iter().filter(|h| h.effects == known.effects).min_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(raised) = same.map(|same| beyond_cost(known) - beyond_cost(same)) else { return };
-    close.iter_mut().for_each(|h| h.evidence += raised);
+    for hypothesis in close {
+        hypothesis.evidence += raised;
+        hypothesis.raised += raised;
+    }
 }
 
 #[cfg(test)]

@@ -72,6 +72,6 @@ impl Fitter<'_> {
         let cost = cost(&free, &self.precision(&free, effects), &u, &residuals);
         let effects = effects.to_vec();
         let evidence = f64::NEG_INFINITY;
-        Ok(finite.then_some(Hypothesis { effects, u, free, covariance, cost, evidence, is_close: false, residuals, columns }))
+        Ok(finite.then_some(Hypothesis { effects, u, free, covariance, cost, evidence, raised: 0.0, is_close: false, residuals, columns }))
     }
 }

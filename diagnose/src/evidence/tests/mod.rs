@@ -55,6 +55,7 @@ pub(crate) fn fitted(effects: Vec<usize>, evidence: f64) -> Hypothesis {
         covariance,
         cost: -evidence,
         evidence,
+        raised: 0.0,
         is_close: false,
         residuals: Vec::new(),
         columns: Vec::new(),
@@ -76,7 +77,7 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Seen<R> {
     }
 
     /// Where the coordinates have the effect of a number.
-    fn effect(&self, coordinates: &Coordinates, number: usize) -> usize {
+    pub(crate) fn effect(&self, coordinates: &Coordinates, number: usize) -> usize {
         coordinates.sited.iter().position(|sited| self.number(sited) == Some(number)).unwrap()
     }
 

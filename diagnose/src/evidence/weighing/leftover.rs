@@ -97,30 +97,35 @@ impl Fitter<'_> {
         if of_none > 0.0 { 1.0 - misfit(hypothesis) / of_none } else { 0.0 }
     }
 
-    /// Evidence of a hypothesis [nat] where variances are `leftover` times the stated ones, by its slopes where it was fitted.
+    /// Evidence of a hypothesis [nat] where variances are `leftover` times the stated ones, by its slopes where it was fitted: where numbers would
+    /// move to as priors count for more, but for what the slopes promise of stated variances and the fit did not find.
     #[must_use]
     pub fn tempered(&self, hypothesis: &Hypothesis, leftover: &Leftover) -> f64 {
         if *leftover == Leftover::none() {
             return hypothesis.evidence;
         }
+        let at = DVector::from_iterator(hypothesis.free.len(), hypothesis.free.iter().map(|&c| hypothesis.u[c]));
+        let precision = self.precision(&hypothesis.free, &hypothesis.effects);
+        let stated = Quadratic::new(&hypothesis.columns.iter().map(|column| column.as_slice()).collect::<Vec<_>>(), &hypothesis.residuals);
         let weighted = |rows: &[f64]| leftover.weighted(rows, self.rows.tip_rows());
         let columns: Vec<Vec<f64>> = hypothesis.columns.iter().map(|column| weighted(column)).collect();
-        let residuals = weighted(&hypothesis.residuals);
-        let model = Quadratic::new(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), &residuals);
-        let at = DVector::from_iterator(columns.len(), hypothesis.free.iter().map(|&c| hypothesis.u[c]));
-        let precision = self.precision(&hypothesis.free, &hypothesis.effects);
-        let best = model.minimum(&at, &precision);
-        let Some((found, covariance)) = best.and_then(|(_, cost)| evidence(&model.information, &precision, cost)) else {
-            return f64::NEG_INFINITY;
-        };
+        let model = Quadratic::new(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), &weighted(&hypothesis.residuals));
+        let best = stated.minimum(&at, &precision).zip(model.minimum(&at, &precision)).and_then(|((_, promised), (_, cost))| {
+            let not_found = (hypothesis.cost - promised).max(0.0) * model.square / stated.square;
+            evidence(&model.information, &precision, cost + not_found)
+        });
+        let Some((found, covariance)) = best else { return f64::NEG_INFINITY };
         let std = |c: usize| hypothesis.free.iter().position(|&f| f == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
-        found + self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &std)
+        found + self.beyond_normal(&hypothesis.effects, &|c| hypothesis.u[c], &std) + hypothesis.raised
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evidence::numbers::coordinates::Coordinates;
+    use crate::evidence::recorded::rows::Links;
+    use crate::evidence::tests::{Seen, tips};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
@@ -141,5 +146,24 @@ mod tests {
         // An AR(1) of unit variance sums like (1 + a) / (1 - a) = 19 as many.
         let of_wandering = Leftover::of(&wandering, 6000);
         assert!((8.0..25.0).contains(&of_wandering.tip), "{of_wandering:?}");
+    }
+    /// Settled links promise tens of nats of what rolled-out ones do not show; the fit ends where it began.
+    #[test]
+    fn evidence_does_not_jump_where_something_begins_to_be_left() {
+        let rows = Seen::new(&[("joint-offset", [0, 0])], |numbers: &[Option<&[f64]>], links| {
+            let offset = numbers[0].map_or(0.0, |u| u[0]);
+            tips(|k| k.sin() * (1.0 - if links == Links::RolledOut { 0.0 } else { offset }))
+        });
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let mut fitted = fitter.fit(&[rows.effect(&coordinates, 0)], &fitter.nowhere(), None).unwrap().unwrap();
+        fitted.evidence += 7.0;
+        fitted.raised += 7.0;
+        let little = Leftover { tip: 1.0 + 1e-9, torque: Vector3::repeat(1.0) };
+        approx::assert_relative_eq!(fitter.tempered(&fitted, &little), fitted.evidence, epsilon = 1e-3);
+        // Noise of twice the variance makes half of the cost, and numbers at most so much wider.
+        let twice = Leftover { tip: 2.0, torque: Vector3::repeat(1.0) };
+        let wider = fitter.tempered(&fitted, &twice) - fitted.evidence - 0.5 * fitted.cost;
+        assert!((0.0..=0.5 * std::f64::consts::LN_2 * fitted.free.len() as f64).contains(&wider), "{wider}");
     }
 }
