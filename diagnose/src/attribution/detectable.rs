@@ -26,6 +26,7 @@ use raven::stats::normal_cdf;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::NotObservable;
 use crate::evidence::fit::linear::{dot, gram};
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::coordinates::ABSENT;
@@ -42,8 +43,8 @@ pub struct Detectable {
     /// As of a cause.
     pub joint: Option<String>,
     /// Of its first number; of a factor, the one above 1, or below where that is the rule; of a number that does less the larger it is, as a
-    /// limit, the largest. `null` where none that is to be expected would have shown.
-    pub size: Option<f64>,
+    /// limit, the largest.
+    pub size: f64,
     /// Unit of `size`.
     pub unit: String,
     /// How the number goes with the effect.
@@ -52,16 +53,16 @@ pub struct Detectable {
 }
 
 impl Detectable {
-    /// The size in words, `0.62 %`, `factor 1.8` or `up to 12 N m`; `None` where none would have shown.
+    /// The size in words, `0.62 %`, `factor 1.8` or `up to 12 N m`.
     #[must_use]
-    pub fn words(&self) -> Option<String> {
-        let size = self.size?;
-        Some(match self.scale {
+    pub fn words(&self) -> String {
+        let size = self.size;
+        match self.scale {
             scale if scale.is_factor() => format!("factor {}", figure(size)),
             Scale::Shape { .. } => format!("up to {} {}", figure(size), self.unit),
             _ if self.unit == "1" => format!("{} %", figure(100.0 * size)),
             _ => format!("{} {}", figure(size), self.unit),
-        })
+        }
     }
 }
 
@@ -89,19 +90,18 @@ pub(super) struct Smallest {
 
 impl Smallest {
     /// As reports have it.
-    pub(super) fn detectable(&self, fitter: &Fitter) -> Detectable {
+    /// The size, or why there is none.
+    pub(super) fn detectable(&self, fitter: &Fitter) -> std::result::Result<Detectable, NotObservable> {
         let sited = fitter.coordinates.sited[self.effect];
         let parameter = fitter.coordinates.parameter(self.coordinate);
-        Detectable {
-            id: sited.effect.id,
-            joint: sited.joint(fitter.rows.robot()),
-            size: self.u.is_finite().then(|| {
-                let side = if matches!(parameter.scale, Scale::Factor { above: Above::Seldom, .. }) { -1.0 } else { 1.0 };
-                parameter.value(side * self.u, sited.measure)
-            }),
-            unit: parameter.unit_at(sited.measure).to_owned(),
-            scale: parameter.scale,
+        let (id, joint) = (sited.effect.id, sited.joint(fitter.rows.robot()));
+        if !self.u.is_finite() {
+            let place = joint.map_or_else(String::new, |joint| format!(" at the {joint}"));
+            return Err(NotObservable { id, because: format!("no size that is to be expected{place} would have shown") });
         }
+        let side = if matches!(parameter.scale, Scale::Factor { above: Above::Seldom, .. }) { -1.0 } else { 1.0 };
+        let size = parameter.value(side * self.u, sited.measure);
+        Ok(Detectable { id, joint, size, unit: parameter.unit_at(sited.measure).to_owned(), scale: parameter.scale })
     }
 }
 
@@ -324,14 +324,16 @@ mod tests {
         let rows = Seen::new(&[("cable-stretch", [1, 0])], |_: &[Option<&[f64]>], _| tips(|k| k.sin()));
         let coordinates = Coordinates::new(&rows.robot, &rows);
         let smallest = Smallest { effect: 0, coordinate: 0, u: 1.0, part_unseen: 0.0 };
-        let said = smallest.detectable(&Fitter::new(&rows, &coordinates));
-        assert_eq!((said.words().unwrap().as_str(), said.joint.as_deref()), ("factor 0.247", Some("elbow")));
+        let fitter = Fitter::new(&rows, &coordinates);
+        let said = smallest.detectable(&fitter).unwrap();
+        assert_eq!((said.words().as_str(), said.joint.as_deref()), ("factor 0.247", Some("elbow")));
+        let none = Smallest { u: f64::INFINITY, ..smallest }.detectable(&fitter).unwrap_err();
+        assert_eq!((none.id, none.because.as_str()), ("cable-stretch", "no size that is to be expected at the elbow would have shown"));
     }
 
     #[test]
     fn sizes_are_said_as_what_they_are() {
-        let said =
-            |scale: Scale, unit: &str| Detectable { id: "x", joint: None, size: Some(1.8), unit: unit.to_owned(), scale }.words().unwrap();
+        let said = |scale: Scale, unit: &str| Detectable { id: "x", joint: None, size: 1.8, unit: unit.to_owned(), scale }.words();
         assert_eq!(said(Scale::factor(1.0), "1"), "factor 1.80");
         assert_eq!(said(Scale::Offset(Size::of(1.0)), "1"), "180 %");
         assert_eq!(said(Scale::Offset(Size::of(1.0)), "m"), "1.80 m");

@@ -310,14 +310,17 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
         }
         effects.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     }
+    let (minimum_detectable, unseen): (Vec<_>, Vec<_>) =
+        smallest.iter().map(|smallest| smallest.detectable(fitter)).partition(Result::is_ok);
     let not_observable = fitter.coordinates.not_observable.iter();
+    let not_observable = not_observable.map(|(effect, because)| NotObservable { id: effect.id, because: (*because).to_owned() });
     let attribution = Attribution {
         verdict: word,
         effects,
         misfit_accounted: accounted,
         candidates: candidates(fitter, outcome, &probabilities, &with),
-        not_observable: not_observable.map(|(effect, because)| NotObservable { id: effect.id, because: (*because).to_owned() }).collect(),
-        minimum_detectable: smallest.iter().map(|smallest| smallest.detectable(fitter)).collect(),
+        not_observable: not_observable.chain(unseen.into_iter().filter_map(Result::err)).collect(),
+        minimum_detectable: minimum_detectable.into_iter().flatten().collect(),
         probability_too_small: too_small * (1.0 - probability_outside),
         probability_outside,
         file_numbers: file_numbers::file_numbers(fitter, closing, &deviations),

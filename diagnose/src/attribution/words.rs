@@ -157,15 +157,15 @@ pub fn number(estimate: &Estimate) -> String {
     format!("{name} {value:.digits$} +- {std:.digits$}{unit}")
 }
 
-/// The smallest size of an effect that would have been named: `0.62 %`, `0.12 deg`, `factor 1.8`; `None` where none would have shown.
+/// The smallest size of an effect that would have been named: `0.62 %`, `0.12 deg`, `factor 1.8`.
 #[must_use]
-pub fn size(least: &Detectable) -> Option<String> {
+pub fn size(least: &Detectable) -> String {
     let mut shown = least.clone();
     let (unit, scale) = displayed(&least.unit);
-    (shown.unit, shown.size) = (unit.to_owned(), least.size.map(|size| scale * size));
-    let words = shown.words()?;
+    (shown.unit, shown.size) = (unit.to_owned(), scale * least.size);
+    let words = shown.words();
     // What is several times as large as what it is measured by, as creep may be, is no percentage.
-    Some(least.size.filter(|size| *size >= 1.0 && words.ends_with('%')).map_or(words, figure))
+    if least.size >= 1.0 && words.ends_with('%') { figure(least.size) } else { words }
 }
 
 /// The unit that people are shown for one of SI, and what takes the one to the other.
@@ -204,12 +204,13 @@ pub fn words(attribution: &Attribution) -> String {
             "channel", "unit", "noise floor", "before", "after", "closed", "retuned"
         );
         attribution.gap.iter().for_each(|gap| row(&mut text, gap));
-        if let Some(worse) = attribution.gap.iter().find(|gap| grows(gap)) {
+        let worse: Vec<&str> = attribution.gap.iter().filter(|gap| grows(gap)).map(|gap| gap.channel.as_str()).collect();
+        if !worse.is_empty() {
             let _ = writeln!(
                 text,
                 "At the {}, numbers of the file make up for what is named: with it alone the gap grows. Put right what is named, and then \
                  identify the file's numbers beside it (`raven-identify`).",
-                worse.channel
+                worse.join(" and the ")
             );
         }
     }
@@ -244,8 +245,7 @@ fn could_have_shown(attribution: &Attribution) -> String {
     let mut of_effects: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for least in &attribution.minimum_detectable {
         let place = least.joint.as_deref().map_or_else(String::new, |joint| format!("{joint} "));
-        let size = size(least).unwrap_or_else(|| "at no size".to_owned());
-        of_effects.entry(least.id).or_default().push(format!("{place}{size}"));
+        of_effects.entry(least.id).or_default().push(format!("{place}{}", size(least)));
     }
     of_effects.iter().for_each(|(id, sizes)| {
         let _ = writeln!(text, "{id:<24} {}", sizes.join(", "));
@@ -256,9 +256,12 @@ fn could_have_shown(attribution: &Attribution) -> String {
     text
 }
 
+/// Growth of a gap, as a part of it, that is worth a word.
+const GROWTH_MIN: f64 = 0.01;
+
 /// Whether the effects alone make a channel's gap larger beyond doubt, and those with the file's numbers retuned do not.
 fn grows(gap: &Closure) -> bool {
-    gap.closed_ci95.is_some_and(|[_, high]| high < 0.0) && gap.retuned.after < gap.before
+    gap.closed_ci95.is_some_and(|[_, high]| high < -GROWTH_MIN) && gap.retuned.after < gap.before
 }
 
 fn row(text: &mut String, gap: &Closure) {
@@ -378,10 +381,10 @@ mod tests {
         let coordinates = Coordinates::new(&rows.robot, &rows);
         let fitter = Fitter::new(&rows, &coordinates);
         let none = fitter.fit(&[], &fitter.nowhere(), None).unwrap().unwrap();
-        let mut least = detectable::smallest(&fitter, &Outcome::begun(none, 1)).unwrap()[0].detectable(&fitter);
+        let mut least = detectable::smallest(&fitter, &Outcome::begun(none, 1)).unwrap()[0].detectable(&fitter).unwrap();
         let mut said = |value: f64, unit: &str| {
-            (least.size, least.unit) = (Some(value), unit.to_owned());
-            size(&least).unwrap()
+            (least.size, least.unit) = (value, unit.to_owned());
+            size(&least)
         };
         assert_eq!(said(0.01, "rad"), "0.573 deg");
         assert_eq!(said(0.0018, "m"), "1.80 mm");

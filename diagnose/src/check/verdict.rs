@@ -21,7 +21,7 @@ pub struct Verdict {
     pub verdict: Word,
     /// Effects that are blamed, the surest first.
     pub effects: Vec<Blamed>,
-    /// Every hypothesis looked at, best first. One named `none` holds the probability that no effect is needed.
+    /// Every effect looked at, best first. One named `none` holds the probability that no effect is needed.
     #[serde(default)]
     pub candidates: Vec<Candidate>,
     /// How far the gap closes.
@@ -54,14 +54,14 @@ pub struct Estimate {
     pub std: f64,
 }
 
-/// One hypothesis.
+/// An effect that was looked at.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
     /// Identifier.
     pub id: String,
     /// As of a blamed effect.
     pub joint: Option<String>,
-    /// Of this hypothesis.
+    /// That it is there, alone or with others.
     pub probability: f64,
 }
 

@@ -59,11 +59,9 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
     let file_number = |of: &FileNumber| format!("{}, {:.1} of its tolerances off.", off(of), of.tolerances.abs());
     page.file_numbers = attribution.file_numbers.iter().map(file_number).collect();
     page.tolerance_parts = attribution.tolerance_parts.parts().map(|(kind, part)| (kind.to_owned(), part)).collect();
-    let detectable = attribution
-        .minimum_detectable
-        .iter()
-        .filter_map(|least| Some(Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: size(least)? }));
-    page.detectable = detectable.collect();
+    let detectable = attribution.minimum_detectable.iter();
+    page.detectable =
+        detectable.map(|least| Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: size(least) }).collect();
     page.not_observable = attribution.not_observable.iter().map(|none| (none.id.to_owned(), none.because.clone())).collect();
 }
 

@@ -80,13 +80,13 @@ pub struct Candidate {
     pub effect: String,
     /// Joint; `None` for the whole robot or rig.
     pub joint: Option<String>,
-    /// From 0 to 1, of this effect and no other.
+    /// From 0 to 1, that it is there, alone or with others.
     pub probability: f64,
     /// What no recording can tell from it, and how probable it is with that, in words.
     pub together: Option<String>,
-    /// Logarithm of the odds over no effect [nat].
+    /// The best evidence with it, above that of no effect [nat].
     pub evidence_nats: f64,
-    /// Its numbers in words: `relative_error -5.18 +- 0.04 %`.
+    /// Its numbers in words: `relative_error -0.0518 +- 0.0004`.
     pub parameters: Vec<String>,
     /// Whether the verdict takes it for a cause.
     pub chosen: bool,

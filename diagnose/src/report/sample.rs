@@ -21,7 +21,7 @@ pub fn sample() -> Page {
         probability,
         together: chosen.then(|| "0.996 together with capstan-radius, which is the same".to_owned()),
         evidence_nats,
-        parameters: if chosen { vec!["relative_error -5.18 +- 0.04 %".to_owned()] } else { Vec::new() },
+        parameters: if chosen { vec!["relative_error -0.0518 +- 0.0004".to_owned()] } else { Vec::new() },
         chosen,
     };
     let trace = |channel: &str, unit: &str, size: f64| {
