@@ -49,7 +49,7 @@ pub fn yaml(path: &Path, robot: &Robot, calibration: &Calibration) -> Result<Str
         }
     }
     let _ = writeln!(text, "    cable_coupling: {}  # C01 [rad/rad], C02, C12 [m/rad]", yaml::list(&after.coupling));
-    let _ = writeln!(text, "    camera_latency: {}", yaml::float(robot.observation.latency));
+    let _ = writeln!(text, "    camera_latency: {}  # [s], beyond the one in cameras.yaml", yaml::float(robot.observation.latency));
     text.push_str("    identified:  # value and standard deviation\n");
     for entry in &calibration.identified {
         let _ = writeln!(text, "      {}: {}", yaml::string(&entry.parameter), yaml::list(&[entry.value, entry.std]));

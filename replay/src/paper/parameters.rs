@@ -96,7 +96,8 @@ fn hidden(truth: &Value, parameter: &str, robot: &Robot) -> Option<f64> {
     let joint = |digit: &str| digit.parse::<usize>().ok().and_then(|number| robot.joints.get(number.checked_sub(1)?)).map(|j| &j.name);
     let at = |table: &str, digit: &str| truth.get(table)?.get(joint(digit)?)?.as_f64();
     match parameter {
-        "latency" => truth.get("latency_s")?.as_f64(),
+        // A tip is of the moment between both images, and the right one is late by more.
+        "latency" => Some(truth.get("latency_s")?.as_f64()? + 0.5 * truth.get("right_minus_left_s")?.as_f64()?),
         name => [("r_l", "link_pulley_radius_m"), ("k_e", "cable_stiffness_n"), ("hysteresis_", "hysteresis_half")]
             .iter()
             .find_map(|(prefix, table)| at(table, name.strip_prefix(prefix)?)),
