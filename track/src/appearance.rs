@@ -29,7 +29,7 @@ pub struct Appearance {
 #[derive(Debug, Clone, Copy, PartialEq, Args)]
 pub struct Size {
     /// Radius of the marker [m].
-    #[arg(long = "marker-radius", value_name = "M", default_value_t = 0.005, value_parser = radius)]
+    #[arg(long = "marker-radius", value_name = "M", default_value_t = 0.005, value_parser = radius, allow_negative_numbers = true)]
     pub marker_radius_m: f64,
 }
 

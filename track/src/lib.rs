@@ -130,7 +130,7 @@ pub struct Track {
     pub refine: bool,
     /// Standard deviation of the frames' stamps [s], which are then taken as they are; by default the cameras' steady pace is found behind
     /// them.
-    #[arg(long, value_name = "S", value_parser = jitter)]
+    #[arg(long, value_name = "S", value_parser = jitter, allow_negative_numbers = true)]
     pub stamp_jitter: Option<f64>,
 }
 
