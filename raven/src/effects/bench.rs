@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! tau = N (I_m qdd_m + tau_c (1 + d e^-(v / v_s)^2) sign(qd_m) + tau_v qd_m - a sin(n q_m)) + r_mc gamma
-//! gamma = (f + m qdd + (F_c + mu |f|) sign(qd) + F_v qd) / r_l,   q = q_hs + (q_m - q_m,hs) / ratio - x / r_l,   gamma = 2 k_e x + 2 b_e xdot
+//! gamma = (f + m qdd + (F_c + mu |f + m qdd|) sign(qd) + F_v qd) / r_l,   q = q_hs + (q_m - q_m,hs) / ratio - x / r_l,   gamma = 2 k_e x + 2 b_e xdot
 //! ```
 //!
 //! with `f` the force measured at the joint, 0 where it is free. Where the motor's torque was recorded, the cable's tension in the second
