@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::Recording;
+use raven::log::{Recording, TipStatus};
 use raven::robot::{KinematicsKind, PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
 use serde::Serialize;
@@ -191,7 +191,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         report.no_diagnosis = Some(NO_CAUSES_OF_BENCH.to_owned());
     } else if !args.gap_only {
         let nominal = Nominal::new(&robot, cameras.as_ref());
-        let spread = beside(&nominal, &args.beside)?;
+        let (spread, silent) = beside(&nominal, &args.beside)?;
+        report.lost.extend(silent);
         match causes(&Nominal { spread, ..nominal }, &recordings) {
             Ok(mut attribution) => {
                 attribution.remarks.extend(report.against.as_ref().map(Against::remark));
@@ -225,7 +226,11 @@ fn lost(recording: &Recording) -> impl Iterator<Item = String> {
         let name = recording.name();
         format!("{name}: {pauses_s:.1} s without motor angles, in pauses of more than {PAUSE_MAX_S} s, were left out.")
     });
-    recording.unusable().into_iter().chain(in_pauses)
+    let seen = recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen);
+    let without_covariance = seen.filter(|tip| tip.covariance_m2.cholesky().is_none()).count();
+    let of_tips = (without_covariance > 0)
+        .then(|| format!("{}: {without_covariance} sightings whose covariance is none were left out.", recording.name()));
+    recording.unusable().into_iter().chain(in_pauses).chain(of_tips)
 }
 
 /// What recordings say of causes.
@@ -236,16 +241,20 @@ fn causes(nominal: &Nominal, recordings: &[Recording]) -> Result<Attribution> {
     attribution
 }
 
-/// How far other recordings of the rig, each diagnosed alone, take the file's numbers to be off.
-fn beside(nominal: &Nominal, logs: &[PathBuf]) -> Result<Spread> {
+/// How far other recordings of the rig, each diagnosed alone, take the file's numbers to be off, and which of them say nothing of it.
+fn beside(nominal: &Nominal, logs: &[PathBuf]) -> Result<(Spread, Vec<String>)> {
     let bar = cli::progress(logs.len() as u64, "diagnosing other recordings");
-    let mut others: Vec<Departures> = Vec::new();
+    let (mut others, mut silent): (Vec<Departures>, Vec<String>) = Default::default();
     for log in logs {
-        others.extend(diagnose_recording(log, nominal)?.departures);
+        match diagnose_recording(log, nominal) {
+            Ok(diagnosed) => others.extend(diagnosed.departures),
+            Err(Error::Data(because)) => silent.push(format!("{} counts for nothing beside others. {because}", log.display())),
+            Err(error) => return Err(error),
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(Spread::of(&others.iter().collect::<Vec<_>>()))
+    Ok((Spread::of(&others.iter().collect::<Vec<_>>()), silent))
 }
 
 /// On a simulated slide whose friction was 2.5 times the simulation's the search found nothing: it must not say that there is nothing.

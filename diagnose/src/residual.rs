@@ -121,10 +121,16 @@ fn bench_channels(recording: &Recording, robot: &Robot, signs: &[Signs]) -> Resu
 
 fn controller_difference(recording: &Recording, arm: &Arm) -> Result<Option<Vec<f64>>> {
     let Some(logged) = &recording.controller_joints else { return Ok(None) };
-    let (motor, logged) = (recording.motor_track()?, three_joints(logged, recording)?);
-    let largest = motor.angle.iter().zip(&logged).fold(Vector3::zeros(), |largest: Vector3<f64>, (angle, joint)| {
-        largest.sup(&(arm.transmission.joint_from_motor(angle) - joint).abs())
-    });
+    let motor = recording.motor_track()?;
+    three_joints(logged, recording)?;
+    let mut largest = Vector3::<f64>::zeros();
+    for (time_s, angle) in motor.time_s.iter().zip(&motor.angle) {
+        // A message that lacks the one need not lack the other.
+        let joint: Option<Vec<f64>> = (0..3).map(|j| logged.interpolate(j, *time_s).filter(|q| q.is_finite())).collect();
+        if let Some(joint) = joint {
+            largest = largest.sup(&(arm.transmission.joint_from_motor(angle) - Vector3::from_vec(joint)).abs());
+        }
+    }
     Ok(Some(largest.as_slice().to_vec()))
 }
 
@@ -153,5 +159,35 @@ impl Residuals {
 
     fn columns(&mut self) -> [&mut Vec<f64>; 5] {
         [&mut self.time_s, &mut self.error, &mut self.rigid_error, &mut self.noise, &mut self.rate]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use raven::log::{LogWriter, MotorSource, RavenState, Stamp};
+
+    use super::*;
+
+    #[test]
+    fn a_message_without_motors_does_not_shift_the_controllers_angles() {
+        let arm = raven::robot::nominal::gold().arm().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        let mut log = LogWriter::create(&path).unwrap();
+        for k in 0..20_u8 {
+            let motor = Vector3::repeat(0.5 * f64::from(k));
+            let joint = arm.transmission.joint_from_motor(&motor);
+            let mut state = RavenState::default();
+            for j in 0..3 {
+                state.mpos_deg[j] = if k == 7 { f32::NAN } else { motor[j].to_degrees() as f32 };
+                state.jpos_deg[j] = joint[j].to_degrees() as f32;
+            }
+            log.robot_state(Stamp(1_000_000_000 + 1_000_000 * u64::from(k)), &state).unwrap();
+        }
+        log.finish().unwrap();
+        let recording = Recording::read(&path, &MotorSource::default()).unwrap();
+        assert_eq!(recording.motor.as_ref().unwrap().len(), 19);
+        let difference = controller_difference(&recording, &arm).unwrap().unwrap();
+        assert!(difference.iter().all(|d| *d < 1e-6), "{difference:?}");
     }
 }

@@ -20,9 +20,13 @@ fn other_recordings_of_a_rig_say_how_far_it_is_off() {
     record(folder.path(), "{monday.mcap}", "fls1", &[]);
     record(folder.path(), "{tuesday.mcap}", "fls2", &["--effect", "pulley-radius:elbow=0.05"]);
     let words = ["{today.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--json", "{report.json}"];
-    let beside = ["--beside", "{monday.mcap}", "{tuesday.mcap}"];
+    // One that says nothing of the rig does not keep the others from it.
+    typed(folder.path(), raven_capture::run, &["cut", "{monday.mcap}", "--from", "0", "--to", "3", "-o", "{short.mcap}"]).unwrap();
+    let beside = ["--beside", "{monday.mcap}", "{short.mcap}", "{tuesday.mcap}"];
     let (_, printed) = typed(folder.path(), raven_diagnose::run, &[&words[..], &beside].concat()).unwrap();
     let report = json(folder.path(), "report.json");
+    let lost = report["lost"].as_array().unwrap().iter().map(|lost| lost.as_str().unwrap()).collect::<Vec<_>>();
+    assert!(lost.len() == 1 && lost[0].contains("short.mcap counts for nothing beside others. No diagnosis: "), "{lost:?}");
     let part = |kind: &str| report["tolerance_parts"][kind].as_f64().unwrap_or_else(|| panic!("{kind}: {:#}", report["tolerance_parts"]));
     assert!(part("pulley-radius") < 0.9 && part("camera-translation") < 0.9, "{:#}", report["tolerance_parts"]);
     assert!(printed.contains("these parts of the file's tolerances count: cable-coupling "), "{printed}");

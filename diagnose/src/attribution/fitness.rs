@@ -12,6 +12,8 @@ const TIME_MIN_S: f64 = 5.0;
 const TIPS_MIN: usize = 60;
 /// A joint moves if it covers so much [rad, m].
 const RANGE_MIN: [f64; 2] = [0.02, 0.002];
+/// A tip moves if it covers so much [m]: a joint of 0.02 rad moves it by 8 mm where it is farthest from the remote centre.
+const TIPS_MOVE_M: f64 = 0.03;
 
 /// Whether a joint that covers so much [rad or m] moves.
 pub(crate) fn moves(joint: &Joint, covered: f64) -> bool {
@@ -38,11 +40,21 @@ pub fn check_fitness(robot: &Robot, data: &[Data]) -> Result<()> {
     let motors = moving(robot, motors().map(|motor| each_alone(transmission, motor)));
     let only = "causes at one joint cannot be told from causes elsewhere, move all three";
     match (joints.as_slice(), motors.as_slice()) {
+        ([], _) if tips_move(data) => Err(refused("the tip moves and no motor does, as recorded; see whether the encoders are read")),
         ([], _) => Err(refused("no joint moves; a robot at rest shows nothing but its pose")),
         ([joint], _) => Err(refused(&format!("only the {joint} moves; {only}"))),
         (_, [motor]) => Err(refused(&format!("only the {motor}'s motor moves; {only}"))),
         _ => Ok(()),
     }
+}
+
+/// Whether tips cover more than a joint that stands could make them.
+fn tips_move(data: &[Data]) -> bool {
+    let positions = || data.iter().flat_map(|d| &d.sights).map(|sight| sight.position_m);
+    let (low, high) = positions().fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), position| {
+        (low.inf(&position), high.sup(&position))
+    });
+    (high - low).max() > TIPS_MOVE_M
 }
 
 /// Refuses recordings of a bench that are too short or without motion.
@@ -126,6 +138,10 @@ mod tests {
         assert!(short.contains("4.9 s were recorded, at least 5 s"), "{short}");
         let at_rest = said(&[recorded(12.0, swing([0.0; 3]))]).unwrap();
         assert!(at_rest.contains("no joint moves"), "{at_rest}");
+        let mut unread = recorded(12.0, swing([0.0; 3]));
+        unread.sights.iter_mut().for_each(|sight| sight.position_m.x = 0.05 * sight.stamp_s.sin());
+        let unread = said(&[unread]).unwrap();
+        assert!(unread.contains("the tip moves and no motor does"), "{unread}");
         let one = said(&[recorded(12.0, swing([0.0, 1.0, 0.0]))]).unwrap();
         assert!(one.contains("only the elbow moves"), "{one}");
         let blind = said(&[Data { sights: Vec::new(), ..recorded(12.0, swing([1.0; 3])) }]).unwrap();

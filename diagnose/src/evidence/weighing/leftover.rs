@@ -161,9 +161,9 @@ mod tests {
         fitted.raised += 7.0;
         let little = Leftover { tip: 1.0 + 1e-9, torque: Vector3::repeat(1.0) };
         approx::assert_relative_eq!(fitter.tempered(&fitted, &little), fitted.evidence, epsilon = 1e-3);
-        // Noise of twice the variance makes half of the cost, and numbers at most so much wider.
+        // Noise of twice the variance makes half of the cost, which is hundreds of nats, and numbers wider.
         let twice = Leftover { tip: 2.0, torque: Vector3::repeat(1.0) };
         let wider = fitter.tempered(&fitted, &twice) - fitted.evidence - 0.5 * fitted.cost;
-        assert!((0.0..=0.5 * std::f64::consts::LN_2 * fitted.free.len() as f64).contains(&wider), "{wider}");
+        assert!((0.0..3.0).contains(&wider), "{wider}");
     }
 }
