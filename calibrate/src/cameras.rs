@@ -146,6 +146,9 @@ pub fn run(args: &CamerasArgs, out: &mut dyn Write) -> Result<Outcome> {
     sentences.iter().for_each(|s| text += &format!("{}\n", s.text));
     cli::results(out, &text, args.json.as_deref(), &report)?;
     sentences.iter().filter(|s| s.warning).for_each(|s| cli::warn(&s.text));
+    if pictures.repeated > 0 {
+        cli::warn(&format!("{} pictures have the stamp of another one of their camera and were left out.", pictures.repeated));
+    }
     if pictures.undecodable > 0 {
         cli::warn(&format!("{} pictures were cut off or could not be decoded.", pictures.undecodable));
         return Ok(Outcome::DataLost);

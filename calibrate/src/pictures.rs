@@ -1,5 +1,6 @@
 //! Pictures of the board: from files or from a log, searched on all cores, and put together in pairs.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use image::GrayImage;
@@ -30,6 +31,8 @@ pub struct Pictures {
     pub boards_seen: [usize; 2],
     /// Pictures that could not be decoded.
     pub undecodable: usize,
+    /// Pictures of a log left out as their camera had taken one with that stamp before.
+    pub repeated: usize,
     /// What they showed, board or not.
     pub glimpses: Glimpses,
 }
@@ -89,13 +92,14 @@ fn read(path: &Path, side: Side) -> Result<GrayImage> {
 }
 
 /// Searches the pictures of a log. A left and a right one are a pair if each is the other's nearest and they are within half a period; of
-/// pictures in quick succession the one is kept in which the board moved least.
+/// pictures in quick succession the one is kept in which the board moved least. One that is in the log twice counts once.
 ///
 /// # Errors
 /// If the log cannot be read, has no pictures, or a camera's pictures differ in size.
 pub fn from_log(path: &Path, board: BoardSize) -> Result<Pictures> {
     let mut pictures = Pictures::empty();
     let mut seen: [Vec<(Stamp, Option<Sighting>)>; 2] = [Vec::new(), Vec::new()];
+    let mut stamps = HashSet::new();
     let mut source = frames(path)?;
     let bar = cli::spinner("looking for boards");
     loop {
@@ -111,6 +115,10 @@ pub fn from_log(path: &Path, board: BoardSize) -> Result<Pictures> {
         let searched: Vec<Searched> = batch.par_iter().filter_map(search).collect();
         pictures.undecodable += batch.len() - searched.len();
         for one in searched {
+            if !stamps.insert((one.side, one.stamp)) {
+                pictures.repeated += 1;
+                continue;
+            }
             let name = format!("the {} one of {:.3} s", one.side.name(), 1e-9 * one.stamp.0 as f64);
             pictures.count(&one, &name).map_err(|message| Error::file(path, message))?;
             seen[one.side as usize].push((one.stamp, one.sighting));
@@ -135,6 +143,7 @@ impl Pictures {
             pictures: [0; 2],
             boards_seen: [0; 2],
             undecodable: 0,
+            repeated: 0,
             glimpses: Glimpses::default(),
         }
     }

@@ -115,8 +115,7 @@ fn hand_over<F: Send>(
             return Ok(Counts { out_of_order: queue.out_of_order, ..source.counts });
         }
         let Some(next) = next? else { break };
-        queue.waiting.extend(next);
-        queue.waiting.sort_by_key(|waiting| (waiting.stamp, waiting.side));
+        queue.line_up(next);
     }
     let _nothing_follows = queue.hand_over(false);
     source.check_sizes(log)?;
@@ -209,6 +208,15 @@ struct Queue<F, T> {
 }
 
 impl<F, T: FnMut([Option<&F>; 2]) -> ControlFlow<()>> Queue<F, T> {
+    /// Takes in the next frames, in the order of time. One that is in the log twice must not stand between a frame and its partner.
+    fn line_up(&mut self, next: Vec<Waiting<F>>) {
+        self.waiting.extend(next);
+        self.waiting.sort_by_key(|waiting| (waiting.stamp, waiting.side));
+        let all = self.waiting.len();
+        self.waiting.dedup_by_key(|waiting| (waiting.stamp, waiting.side));
+        self.out_of_order += all - self.waiting.len();
+    }
+
     /// Hands over all frames but the last one, if it has no partner yet and there may be more to come.
     fn hand_over(&mut self, more_to_come: bool) -> ControlFlow<()> {
         let mut ready = std::mem::take(&mut self.waiting);

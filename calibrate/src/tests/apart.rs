@@ -52,6 +52,7 @@ fn pictures(lab: &Lab, phase_s: f64, late_s: f64) -> Pictures {
         pictures: count,
         boards_seen: count,
         undecodable: 0,
+        repeated: 0,
         glimpses: Glimpses::default(),
     }
 }

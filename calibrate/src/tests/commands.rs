@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use raven::Error;
 use raven::camera::{Cameras, Pinhole};
-use raven::log::{LogWriter, Side, Stamp};
+use raven::log::{FrameData, LogWriter, Side, Stamp, frames};
 use rayon::prelude::*;
 
 use super::real::calibrate;
@@ -86,6 +86,15 @@ fn files_and_a_log_of_the_same_pictures_give_the_same_cameras() {
         let [a, b] = [&from_files, &from_log].map(|json| json.pointer(key).and_then(serde_json::Value::as_f64).unwrap());
         assert!((a - b).abs() <= 1e-12 * a, "{key}: {a} {b}");
     }
+    let mut twice = LogWriter::create(Path::new(&at("twice.mcap"))).unwrap();
+    for frame in frames(Path::new(&at("board.mcap"))).unwrap().map(Result::unwrap) {
+        let FrameData::Jpeg(file) = &frame.data else { panic!("{frame:?}") };
+        (0..2).for_each(|_| twice.compressed_image(frame.side, frame.stamp, 0, file).unwrap());
+    }
+    twice.finish().unwrap();
+    let (said, from_twice) = calibrate(&[&["cameras", &at("twice.mcap")][..], &board].concat()).unwrap();
+    assert!(said.contains("6 of them by both at once."), "{said}");
+    assert_eq!(from_twice["left"], from_log["left"]);
     assert!(text.contains("Boards used: 6 left, 6 right, 6 of them by both at once."), "{text}");
     assert!(!text.contains("swapped"), "{text}");
     let (swapped, _) = calibrate(&[&["cameras", "--left", &right, "--right", &left][..], &board].concat()).unwrap();

@@ -8,7 +8,7 @@ use clap::Parser;
 use nalgebra::{UnitQuaternion, Vector3};
 use raven::camera::Cameras;
 use raven::cli::Outcome;
-use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Side, Walker, topics};
+use raven::log::{Item, LogWriter, MotorSource, RawMessage, Recording, Side, Stamp, Walker, topics};
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, Session};
 
@@ -421,4 +421,29 @@ fn frames_that_belong_together_come_together_from_batch_to_batch() {
     .unwrap();
     let [left, right] = Side::BOTH.map(|side| recording.require_images(side).unwrap().1);
     assert!(pairs > 60 && pairs + 1 >= left.min(right), "{pairs} pairs, {alone} alone, of {left} and {right}");
+}
+
+#[test]
+fn frames_that_are_in_the_log_twice_count_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("twice.mcap");
+    let cameras = Cameras::read(&cameras()).unwrap();
+    let mut pictures = Vec::new();
+    image::RgbImage::new(cameras.left.width, cameras.left.height)
+        .write_to(&mut std::io::Cursor::new(&mut pictures), image::ImageFormat::Png)
+        .unwrap();
+    let at = |ms: u64| Stamp(1_700_000_000_000_000_000 + 1_000_000 * ms);
+    let mut writer = LogWriter::create(&log).unwrap();
+    for k in 0..40 {
+        for (side, late_ms) in [(Side::Left, 0), (Side::Left, 0), (Side::Right, 5), (Side::Right, 5)] {
+            writer.compressed_image(side, at(66 * k + late_ms), 0, &pictures).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    let (mut pairs, mut alone) = (0, 0);
+    let counts = batches::for_each_encoded(&log, &cameras, 0.02, |step| {
+        *(if step.iter().all(Option::is_some) { &mut pairs } else { &mut alone }) += 1;
+    })
+    .unwrap();
+    assert_eq!((pairs, alone, counts.out_of_order, counts.lost()), (40, 0, 80, 0));
 }
