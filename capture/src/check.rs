@@ -169,7 +169,7 @@ fn remarks(topic: &TopicSurvey, losses: &BTreeMap<Side, FrameLosses>) -> Vec<Str
     let noted = topics::camera_of(&topic.topic).is_some_and(|side| losses.contains_key(&side));
     let unless_noted = |count: u64| if noted { 0 } else { count };
     let counts = [
-        (unless_noted(topic.truncated_frames as u64), "JPEG frames without an end marker: cut off by camera or cable"),
+        (unless_noted(topic.truncated_frames as u64), "frames without their end: cut off by camera or cable"),
         (unless_noted(topic.missing_frames), "frames that the camera counted are not in the log"),
         (quality.without_stamp as u64, "messages without a stamp: the time of publication stands in"),
         (quality.non_finite as u64, "messages with numbers that are not finite: left out"),
@@ -224,7 +224,7 @@ mod tests {
         let right = row(&text, topics::RIGHT_COMPRESSED);
         assert_eq!(right[1..8], ["299", "9.97", "100.000", "200.000", "1", "0", "0"], "{text}");
         assert!(text.contains("right minus left 5.00 ms"), "{text}");
-        assert!(text.contains("299 JPEG frames without an end marker"), "{text}");
+        assert!(text.contains("299 frames without their end"), "{text}");
         assert!(text.contains("1 frames that the camera counted"), "{text}");
         assert_eq!(row(&text, "raven-track")[1], "ready");
         assert_eq!(row(&text, "raven-identify")[1..], ["no", "needs", "/tip:", "run", "raven-track"]);

@@ -254,6 +254,11 @@ fn pictures_that_are_none_are_counted_and_the_first_is_named() {
     assert_eq!(outcome, Outcome::DataLost);
     assert!(lost.contains("1 of 4 pictures") && lost.contains("right2.png"), "{lost}");
     ["left2.png", "right2.png"].iter().for_each(|name| std::fs::remove_file(input.join(name)).unwrap());
+    let whole = std::fs::read(input.join("left2.png")).unwrap();
+    std::fs::write(input.join("right2.png"), &whole[..whole.len() - 5]).unwrap();
+    let (outcome, lost) = said("cut.mcap");
+    assert_eq!(outcome, Outcome::DataLost);
+    assert!(lost.contains("1 of 4 pictures are cut off") && lost.contains("right2.png"), "{lost}");
     assert_eq!(said("whole.mcap"), (Outcome::Done, "[]".to_owned()));
 }
 

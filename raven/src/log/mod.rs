@@ -20,6 +20,7 @@ mod live;
 mod losses;
 mod pixels;
 mod protobuf;
+mod png;
 mod quality;
 mod recording;
 mod recover;

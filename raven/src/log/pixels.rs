@@ -8,7 +8,7 @@ use std::ops::Range;
 use image::{GrayImage, ImageReader, RgbImage};
 use raven_jpeg::{Part, decode_part};
 
-use super::{CameraFrame, FrameData, jpeg};
+use super::{CameraFrame, FrameData, jpeg, png};
 use crate::{Error, Result};
 
 /// Larger images are damage, not data.
@@ -141,11 +141,11 @@ impl CameraFrame {
         }
     }
 
-    /// Whether a JPEG lacks its end marker: the camera or the cable cut it off. Zeros after the marker are padding.
+    /// Whether a JPEG or PNG lacks its end: the camera, the cable or a copy cut it off. Zeros after the end are padding.
     #[must_use]
     pub fn is_truncated(&self) -> bool {
         match &self.data {
-            FrameData::Jpeg(bytes) => jpeg::is_truncated_jpeg(bytes),
+            FrameData::Jpeg(bytes) => jpeg::is_truncated_jpeg(bytes) || png::is_truncated(bytes),
             FrameData::Raw { encoding, width, height, step, data } => {
                 let row_bytes = Layout::named(encoding).map_or(*step as usize, |layout| *width as usize * layout.bytes_per_pixel());
                 data.len() < raw_bytes(row_bytes, *step as usize, *height as usize)

@@ -28,7 +28,7 @@ pub struct TopicSurvey {
     pub schema_encoding: String,
     /// Bytes of all messages.
     pub bytes: u64,
-    /// JPEG frames without an end marker.
+    /// Frames that are cut off: a JPEG or PNG without its end, or a raw frame with too few bytes.
     pub truncated_frames: usize,
     /// Frames that the camera counted, but that are not in the log; 0 also where the camera's count was not recorded.
     pub missing_frames: u64,
