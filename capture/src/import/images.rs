@@ -20,15 +20,18 @@ const START_NS: u64 = 1_000_000_000;
 /// If there is no pair, or a file cannot be read or written.
 pub fn import(folder: &Path, pictures: Vec<PathBuf>, rate_hz: f64, output: &Path) -> Result<Imported> {
     let mut pairs: BTreeMap<u128, [Option<PathBuf>; 2]> = BTreeMap::new();
+    let mut nameless = Vec::new();
     for path in pictures {
-        if let Some((side, number)) = which(folder, &path) {
-            let place = &mut pairs.entry(number).or_default()[side as usize];
-            if let Some(other) = place {
-                let (other, path) = (other.display(), path.display());
-                return Err(Error::file(folder, format!("{other} and {path} are both number {number} of the {} camera.", side.name())));
-            }
-            *place = Some(path);
+        let Some((side, number)) = which(folder, &path) else {
+            nameless.push(path);
+            continue;
+        };
+        let place = &mut pairs.entry(number).or_default()[side as usize];
+        if let Some(other) = place {
+            let (other, path) = (other.display(), path.display());
+            return Err(Error::file(folder, format!("{other} and {path} are both number {number} of the {} camera.", side.name())));
         }
+        *place = Some(path);
     }
     let (mut imported, mut alone, mut unreadable) = (Imported::default(), Vec::new(), Vec::new());
     let mut log = LogWriter::create(output)?;
@@ -58,6 +61,15 @@ pub fn import(folder: &Path, pictures: Vec<PathBuf>, rate_hz: f64, output: &Path
     imported.topics = Side::BOTH.map(|side| topics::compressed(side).to_owned()).to_vec();
     imported.lost =
         alone.iter().map(|path| format!("{}: the other camera has no picture of this number; it is left out.", path.display())).collect();
+    if !nameless.is_empty() {
+        let names: Vec<String> = nameless.iter().map(|path| path.display().to_string()).collect();
+        let sentence = format!(
+            "{} pictures are left out, as their names do not say left or right, or have no number; name them as in left01.png and right01.png: {}.",
+            names.len(),
+            names.join(", ")
+        );
+        imported.lost.push(sentence);
+    }
     if let Some(first) = unreadable.first() {
         let (count, all) = (unreadable.len(), imported.messages);
         let sentence = format!(

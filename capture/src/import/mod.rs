@@ -27,7 +27,8 @@ const RATES_HZ: RangeInclusive<f64> = 1e-4..=1e3;
                         raven-capture import session.bag --rename /cam0/image_raw/compressed=/stereo/left/image_raw/compressed -o session.mcap\n  \
                         raven-capture import boards/ -o boards.mcap      (boards/left01.png, boards/right01.png, ...)\n\n\
                         Exit codes: 0 imported, 1 failed, 2 wrong arguments, 3 imported up to where the bag is damaged, without pictures that have no\n\
-                        other, or with messages that do not fit their definition.")]
+                        other or are of neither camera by their names, with pictures that are cut off, or with messages that do not fit their\n\
+                        definition.")]
 pub struct Args {
     /// A ROS 1 bag (format 2.0), or a folder of JPEG or PNG pictures of both cameras: left*, right* or folders left, right; pairs have the same
     /// number at the end of their names.

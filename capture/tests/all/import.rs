@@ -261,6 +261,12 @@ fn pictures_that_are_none_are_counted_and_the_first_is_named() {
     assert!(lost.contains("1 of 4 pictures are cut off") && lost.contains("right2.png"), "{lost}");
     assert_eq!(said("whole.mcap"), (Outcome::Done, "[]".to_owned()));
 }
+    for name in ["cam0_1.jpg", "left.png"] {
+        std::fs::write(input.join(name), &whole).unwrap();
+    }
+    let (outcome, lost) = said("neither.mcap");
+    assert_eq!(outcome, Outcome::DataLost);
+    assert!(lost.contains("2 pictures are left out") && lost.contains("cam0_1.jpg, ") && lost.contains("left.png"), "{lost}");
 
 #[test]
 fn no_picture_that_is_read_is_written_over() {
