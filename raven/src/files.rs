@@ -137,7 +137,10 @@ pub fn unused(recording: &Path) -> Result<()> {
 }
 
 /// Refuses standard output for what is written as a file, in one step or with an index at its end.
-fn no_stream(path: &Path) -> Result<()> {
+///
+/// # Errors
+/// If the path is `-`.
+pub fn no_stream(path: &Path) -> Result<()> {
     if path.as_os_str() == STANDARD_OUTPUT {
         return Err(Error::Argument("`-` is standard output, which does not take this; name a file.".to_owned()));
     }

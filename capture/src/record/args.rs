@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use raven::log::{Side, topics};
-use raven::{Error, Result};
+use raven::{Error, Result, cli};
 
 use crate::camera::find::{SYSFS, devices, two_cameras};
 use crate::camera::mode::size_px;
@@ -149,8 +149,9 @@ fn usual_master() -> Result<Endpoint> {
     }
 }
 
+/// The recording's name; standard output keeps its own, by which it is refused.
 pub(crate) fn with_extension(output: &Path) -> PathBuf {
-    if output.extension().is_some_and(|extension| extension == "mcap") {
+    if output.as_os_str() == cli::STANDARD_OUTPUT || output.extension().is_some_and(|extension| extension == "mcap") {
         return output.to_owned();
     }
     let mut name = output.as_os_str().to_owned();

@@ -54,6 +54,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 /// Those of [`run`].
 pub fn record(args: &Args, cameras: Vec<(Side, Box<dyn Driver>)>, out: &mut dyn Write) -> Result<Outcome> {
     let (wanted, path) = (wanted(args)?, with_extension(&args.output));
+    files::no_stream(&path)?;
     files::apart(None::<&Path>, &[("-o", Some(path.as_path())), ("--json", args.json.as_deref())])?;
     let clock = SessionClock::start();
     let (feed, queue) = Feed::new();

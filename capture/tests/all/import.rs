@@ -7,6 +7,7 @@ use std::process::Command;
 use crate::lab::{DEFINITION, TYPE, in_memory, md5sum, message, numbers, python};
 use clap::Parser;
 use proptest::prelude::*;
+use raven::Error;
 use raven::cli::Outcome;
 use raven::log::{FrameData, Side, Stamp, Survey, frames};
 use raven_capture::import::bag::{BagFault, MAGIC, read_record};
@@ -253,20 +254,20 @@ fn pictures_that_are_none_are_counted_and_the_first_is_named() {
     let (outcome, lost) = said("some.mcap");
     assert_eq!(outcome, Outcome::DataLost);
     assert!(lost.contains("1 of 4 pictures") && lost.contains("right2.png"), "{lost}");
-    ["left2.png", "right2.png"].iter().for_each(|name| std::fs::remove_file(input.join(name)).unwrap());
     let whole = std::fs::read(input.join("left2.png")).unwrap();
     std::fs::write(input.join("right2.png"), &whole[..whole.len() - 5]).unwrap();
     let (outcome, lost) = said("cut.mcap");
     assert_eq!(outcome, Outcome::DataLost);
     assert!(lost.contains("1 of 4 pictures are cut off") && lost.contains("right2.png"), "{lost}");
+    ["left2.png", "right2.png"].iter().for_each(|name| std::fs::remove_file(input.join(name)).unwrap());
     assert_eq!(said("whole.mcap"), (Outcome::Done, "[]".to_owned()));
-}
     for name in ["cam0_1.jpg", "left.png"] {
         std::fs::write(input.join(name), &whole).unwrap();
     }
     let (outcome, lost) = said("neither.mcap");
     assert_eq!(outcome, Outcome::DataLost);
     assert!(lost.contains("2 pictures are left out") && lost.contains("cam0_1.jpg, ") && lost.contains("left.png"), "{lost}");
+}
 
 #[test]
 fn no_picture_that_is_read_is_written_over() {
@@ -285,6 +286,16 @@ fn no_picture_that_is_read_is_written_over() {
     assert!(said.contains("-o and --json both name") && !output.exists(), "{said}");
     assert_eq!(std::fs::read(&left).unwrap(), before);
     assert_eq!(import(&input, &output, &["--json", input.join("said.json").to_str().unwrap()]).unwrap(), Outcome::Done);
+}
+
+#[test]
+fn a_recording_does_not_go_to_standard_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = import(folder.path(), Path::new("-"), &[]).unwrap_err();
+    assert!(matches!(&said, Error::Argument(s) if s.contains("`-` is standard output")), "{said}");
+    let record = raven_capture::Args::parse_from(["raven-capture", "record", "--robot", "ros://127.0.0.1:1/ravenstate", "-o", "-"]);
+    let said = raven_capture::run(record, &mut Vec::new()).unwrap_err();
+    assert!(matches!(&said, Error::Argument(s) if s.contains("`-` is standard output")), "{said}");
 }
 
 proptest! {
