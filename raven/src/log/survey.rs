@@ -211,6 +211,7 @@ impl Survey {
 
 /// What the recorder noted besides what it recorded.
 enum Note {
+                topic.quality.without_stamp = quality.without_stamp;
     Frame(Side, FrameMeta),
     Clock(ClockSample),
 }
@@ -270,7 +271,6 @@ impl Stream {
     fn take(&mut self, reading: &Reading, message: &RawMessage<'_>) {
         self.survey.bytes += message.data.len() as u64;
         let own = reading.stamps.read(message.data);
-        self.without_stamp += usize::from(own.is_none());
         self.stamps.push(own.unwrap_or(message.publish_time));
         if message.channel.message_encoding == "ros1" && topics::camera_of(&message.channel.topic).is_none() {
             self.lags.extend(own.map(|stamp| (stamp, message.log_time)));
@@ -283,8 +283,12 @@ impl Stream {
                     let jump = frame.sequence.zip(self.last_frame).and_then(|(now, before)| now.checked_sub(before + 1));
                     self.survey.missing_frames = self.survey.missing_frames.saturating_add(jump.unwrap_or(0));
                     self.last_frame = frame.sequence;
+        let mut fits = true;
                 }
-                None => self.undecodable += 1,
+                None => {
+                    self.undecodable += 1;
+                    fits = false;
+                }
             }
         }
     }
@@ -295,6 +299,8 @@ impl Stream {
         self.survey.rate_hz = self.survey.quality.rate_hz();
         self.survey.lag = Lag::of(&self.lags);
         self.survey
+        // What does not fit its definition shows no stamp either, and counts once.
+        self.without_stamp += usize::from(own.is_none() && fits);
     }
 }
 

@@ -83,6 +83,9 @@ fn messages_that_cannot_be_used_are_counted_or_named() {
     assert_eq!((encoders.position.clone(), encoders.effort.clone()), (vec![vec![1.0, 1.5, 2.0]], None));
     let quality = &recording.quality[topics::JOINT_ENCODERS];
     assert_eq!((quality.backward, quality.duplicates, quality.non_finite, quality.undecodable), (2, 1, 1, 1));
+    let survey = Survey::of(&path).unwrap();
+    let quality = &survey.topic(topics::JOINT_ENCODERS).unwrap().quality;
+    assert_eq!((quality.undecodable, quality.without_stamp), (1, 0));
     let error = recording.require_motor().unwrap_err().to_string();
     assert!(error.contains("no field `mpos`"), "{error}");
     let error = recording.require_tip().unwrap_err().to_string();
