@@ -19,9 +19,9 @@ use crate::summary::{Seconds, baseline_std_m, disparity_std_px, report, table};
 use crate::{export, film, folds, glob, page, pictures, stills, uncertainty, verdict};
 
 /// Calibrate both cameras and the pose between them from pictures of a checkerboard.
-///
-/// Example: raven-calibrate cameras board.mcap --board 9x6 --square 0.012 -o cameras.yaml
 #[derive(Debug, Clone, Args)]
+#[command(after_help = "Examples:\n  raven-calibrate cameras board.mcap --board 9x6 --square 0.012 -o cameras.yaml\n  \
+                        raven-calibrate cameras --left 'boards/left*.png' --right 'boards/right*.png' --board 9x6 --square 0.012 -o cameras.yaml")]
 pub struct CamerasArgs {
     /// A recording of the board by both cameras.
     #[arg(required_unless_present = "left")]

@@ -28,9 +28,10 @@ use crate::registration::{Report, contradiction};
 const ESTIMATE: &str = "estimate";
 
 /// Register the cameras to the robot from a recording at the hard stop, and from recordings of motion if there are any.
-///
-/// Example: raven-calibrate register hardstop.mcap --motion sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o cameras.yaml
 #[derive(Debug, Clone, Args)]
+#[command(after_help = "Examples:\n  \
+                        raven-calibrate register hardstop.mcap --motion sinusoid.mcap --robot robot.yaml --cameras cameras.yaml -o cameras.yaml\n  \
+                        raven-calibrate register sinusoid.mcap --rotation estimate --robot robot.yaml --cameras cameras.yaml -o cameras.yaml")]
 pub struct RegisterArgs {
     /// A recording with the robot at its hard stop and the marker in both images. With `--rotation estimate` and without `--motion`: the
     /// moving recording.

@@ -185,6 +185,18 @@ fn wrong_arguments_are_refused_by_name() {
 }
 
 #[test]
+fn every_help_shows_an_example_that_is_understood() {
+    for command in ["cameras", "register"] {
+        let help = Args::try_parse_from(["raven-calibrate", command, "--help"]).unwrap_err().to_string();
+        let examples = &help[help.find("Examples:").unwrap()..];
+        let words: Vec<&str> = examples.split_whitespace().skip(1).collect();
+        let starts: Vec<usize> = (0..words.len()).filter(|&k| words[k] == "raven-calibrate").chain([words.len()]).collect();
+        assert_eq!(starts.len(), 3, "{examples}");
+        starts.windows(2).for_each(|example| drop(Args::try_parse_from(&words[example[0]..example[1]]).unwrap()));
+    }
+}
+
+#[test]
 fn the_default_mount_is_the_one_in_the_help() {
     let Args { command: crate::Command::Register(args) } =
         Args::try_parse_from(["raven-calibrate", "register", "a.mcap", "--robot", "r.yaml", "--cameras", "c.yaml"]).unwrap()
