@@ -121,7 +121,7 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
     let (unknowns, (estimate, found, misfit)) = match solve(&all) {
         Ok(solved) => (all, solved),
         // Motion that hardly reverses does not tell hysteresis from stretch; what a joint then does beyond the model is its misfit.
-        Err(Error::Data(_)) => {
+        Err(Error::Data(_) | Error::Unsettled { .. }) => {
             let fewer: Vec<Unknown> = all.into_iter().filter(|u| !matches!(u.quantity, Quantity::Hysteresis(_))).collect();
             let solved = solve(&fewer)?;
             (fewer, solved)

@@ -98,7 +98,7 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     let mut report = Report::new(stop.as_ref(), &before);
     cameras.base_from_left = Some(before.base_from_left);
     if !moving.is_empty() {
-        let found = from_motion::register(&robot, &cameras, &before, &moving)?;
+        let found = from_motion::register(&robot, &cameras, &before, &moving).map_err(|error| advised(args, error))?;
         report.take(&robot, stop.as_ref(), &found, &moving)?;
         cameras.base_from_left = Some(found.base_from_left);
         (cameras.latency_s, cameras.right_minus_left_s) = (found.latency_s[0], found.right_minus_left_s[0]);
@@ -123,6 +123,13 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
         return Ok(Outcome::DataLost);
     }
     Ok(Outcome::Done)
+}
+
+/// What helps where the estimation did not settle.
+fn advised(args: &RegisterArgs, error: Error) -> Error {
+    let Error::Unsettled { .. } = error else { return error };
+    let or_given = if args.rotation.trim() == ESTIMATE { ", or give the mount's rotation with --rotation" } else { "" };
+    Error::file(args.motion.first().unwrap_or(&args.log), format!("{error} Record a longer motion that moves all joints{or_given}."))
 }
 
 /// What is known when the motion is to be taken in.
@@ -164,4 +171,26 @@ fn begin_anywhere(args: &RegisterArgs, robot: &Robot, cameras: &Cameras, marker:
 
 fn deviations(covariance: &Matrix3<f64>) -> [f64; 3] {
     [0, 1, 2].map(|i| covariance[(i, i)].sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::Command;
+
+    #[test]
+    fn advice_is_for_this_program() {
+        let said = |more: &[&str]| {
+            let words = ["raven-calibrate", "register", "first.mcap", "--robot", "r.yaml", "--cameras", "c.yaml"];
+            let Command::Register(args) = crate::Args::parse_from(words.iter().chain(more)).command else { panic!("register") };
+            advised(&args, Error::Unsettled { unknowns: 26, steps: 60 }).to_string()
+        };
+        let anywhere = said(&["--rotation", "estimate"]);
+        assert!(anywhere.starts_with("first.mcap: the estimation of 26 unknowns had not settled after 60 steps. Record"), "{anywhere}");
+        assert!(anywhere.contains("with --rotation") && !anywhere.contains("--parameters"), "{anywhere}");
+        let mounted = said(&["--motion", "sinusoid.mcap"]);
+        assert!(mounted.starts_with("sinusoid.mcap: ") && !mounted.contains("--rotation"), "{mounted}");
+    }
 }

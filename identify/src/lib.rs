@@ -87,7 +87,10 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
         Some(sharing) => recursive::estimate(&mut problem, sharing, &may_hold).map(|(estimate, trace)| (estimate, Some(trace))),
     };
     spinner.finish_and_clear();
-    let (estimate, trace) = estimate?;
+    let (estimate, trace) = estimate.map_err(|error| match error {
+        Error::Unsettled { .. } => Error::Data(format!("{error} Estimate fewer with --parameters.")),
+        other => other,
+    })?;
     let findings = Finding::all(&unknowns, &estimate);
     let squares = problem.normalized_squares(&estimate.z)?;
     let identifiability = Identifiability::of(&robot, &problem, &unknowns, &estimate)?;

@@ -35,6 +35,14 @@ pub enum Error {
     /// The data do not carry the answer.
     #[error("{0}")]
     Data(String),
+    /// The data do not carry the answer: an estimation went on moving. What helps, the program that asked for it knows.
+    #[error("the estimation of {unknowns} unknowns had not settled after {steps} steps.")]
+    Unsettled {
+        /// Unknowns that were estimated.
+        unknowns: usize,
+        /// Steps that were taken.
+        steps: usize,
+    },
 }
 
 impl Error {

@@ -124,10 +124,7 @@ pub fn minimize(problem: &impl Residuals, free: &[usize], tempering: f64, start:
             return Ok(Minimum { z, residuals, loss });
         }
     }
-    Err(Error::Data(format!(
-        "the estimation of {} unknowns had not settled after {STEPS_MAX} steps; estimate fewer with --parameters.",
-        free.len()
-    )))
+    Err(Error::Unsettled { unknowns: free.len(), steps: STEPS_MAX })
 }
 
 /// `sum w_i a_i . b_i`.
