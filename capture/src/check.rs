@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use raven::cli::{self, Outcome};
-use raven::log::{FrameLosses, Lag, Recovery, Side, Survey, TopicSurvey, recover, topics};
+use raven::log::{FrameLosses, Jump, Lag, Recovery, Side, Survey, TopicSurvey, recover, topics};
 use raven::{Result, files};
 use serde::Serialize;
 
@@ -73,6 +73,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     let disagreeing = |topic: &TopicSurvey| disagreement(&topic.topic, topic.lag.map(|lag| lag.least_s));
     survey.topics.iter().filter_map(disagreeing).for_each(|sentence| cli::warn(&sentence));
+    jumps(&survey).iter().for_each(|sentence| cli::warn(sentence));
     let active = file.extension().is_some_and(|extension| extension == "active");
     if active {
         cli::warn(&format!("{}: {UNFINISHED}.", file.display()));
@@ -111,7 +112,10 @@ fn render(survey: &Survey, steps: &[Step]) -> String {
             "clock: the system clock moved {moved:.3} ms against the recorder's, at most {step:.3} ms from one reading to the next"
         ));
     }
-    lines.extend(survey.topics.iter().filter_map(|topic| topic.lag.map(|lag| drift(&topic.topic, lag))));
+    // Through a step of the clock there is no line.
+    let steady = survey.topics.iter().filter(|topic| topic.jumps.is_empty());
+    lines.extend(steady.filter_map(|topic| topic.lag.map(|lag| drift(&topic.topic, lag))));
+    lines.extend(jumps(survey));
     lines.extend(survey.tip.map(|tip| format!("tip: {} seen, {} occluded, {} jumped", tip.seen, tip.occluded, tip.jumped)));
     if survey.torque_recorded == Some(false) {
         lines.push("motors: torque was not recorded".to_owned());
@@ -134,6 +138,25 @@ fn drift(topic: &str, lag: Lag) -> String {
         "{topic}: {first_ms:.3} ms from stamp to arrival at the start, its clock {goes} {:.2} ppm on the recorder's; both within {slack_ms:.3} ms",
         ppm.abs()
     )
+}
+
+/// A sentence for each step of a clock, in seconds as `cut` counts them.
+fn jumps(survey: &Survey) -> Vec<String> {
+    let Some(first) = survey.first_arrival else { return Vec::new() };
+    let of = |topic: &TopicSurvey| {
+        let jump = |jump: &Jump| {
+            let goes = if jump.ahead_s < 0.0 { "back" } else { "ahead" };
+            format!(
+                "{}: at {:.3} s the clock of its stamps jumps {goes} by {:.1} ms against the recorder's; use the part before or after it \
+                 (`raven-capture cut`), and let one time service keep both clocks.",
+                topic.topic,
+                jump.at.seconds_since(first),
+                1e3 * jump.ahead_s.abs()
+            )
+        };
+        topic.jumps.iter().map(jump).collect::<Vec<_>>()
+    };
+    survey.topics.iter().flat_map(of).collect()
 }
 
 fn topic_rows(survey: &Survey, origin: Option<raven::log::Stamp>) -> Vec<Vec<String>> {
@@ -252,6 +275,22 @@ mod tests {
         let line =
             "/ravenstate: 3.000 ms from stamp to arrival at the start, its clock loses 50.00 ppm on the recorder's; both within 0.000 ms";
         assert!(text.contains(line), "{text}");
+    }
+
+    #[test]
+    fn a_clock_that_jumps_does_not_drift() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("session.mcap");
+        let mut log = LogWriter::create(&file).unwrap();
+        for k in 0..600_u64 {
+            let arrived = Stamp(1_700_000_000_000_000_000 + k * 100_000_000);
+            let measured = arrived.plus_seconds(if k < 300 { -0.003 } else { -0.503 });
+            log.robot_state(Times { measured, arrived }, &RavenState::default()).unwrap();
+        }
+        log.finish().unwrap();
+        let (_, text) = check(&[file.to_str().unwrap()]);
+        let line = "/ravenstate: at 30.000 s the clock of its stamps jumps back by 500.0 ms against the recorder's; use the part";
+        assert!(text.contains(line) && !text.contains("ppm"), "{text}");
     }
 
     #[test]

@@ -38,14 +38,7 @@ impl Lag {
     /// the stamps.
     #[must_use]
     pub fn of(times: &[(Stamp, Stamp)]) -> Option<Self> {
-        let origin = times.first()?.1;
-        if times.iter().all(|(stamp, arrival)| arrival.seconds_since(*stamp).abs() < RECORDED_S) {
-            return None;
-        }
-        let mut points: Vec<[f64; 2]> =
-            times.iter().map(|(stamp, arrival)| [arrival.seconds_since(origin), arrival.seconds_since(*stamp)]).collect();
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let quickest: Vec<[f64; 2]> = points.chunk_by(|a, b| a[0].floor() == b[0].floor()).filter_map(lowest).collect();
+        let quickest = quickest(&points(times));
         if quickest.len() < SECONDS_MIN {
             return None;
         }
@@ -62,6 +55,23 @@ impl Lag {
         let least_s = quickest.iter().map(|[_, d]| *d).fold(f64::INFINITY, f64::min);
         Some(Self { first_s: line(0.0), drift, slack_s, least_s })
     }
+}
+
+/// Arrivals since the first in the file and times from stamp to arrival (s), in the order of arrival; none where arrivals were not recorded.
+pub(super) fn points(times: &[(Stamp, Stamp)]) -> Vec<[f64; 2]> {
+    let Some(&(_, origin)) = times.first() else { return Vec::new() };
+    if times.iter().all(|(stamp, arrival)| arrival.seconds_since(*stamp).abs() < RECORDED_S) {
+        return Vec::new();
+    }
+    let mut points: Vec<[f64; 2]> =
+        times.iter().map(|(stamp, arrival)| [arrival.seconds_since(origin), arrival.seconds_since(*stamp)]).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    points
+}
+
+/// Of each second that with the shortest time.
+pub(super) fn quickest(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    points.chunk_by(|a, b| a[0].floor() == b[0].floor()).filter_map(lowest).collect()
 }
 
 fn lowest(points: &[[f64; 2]]) -> Option<[f64; 2]> {

@@ -9,8 +9,8 @@ use serde::Serialize;
 use super::frames::FrameDecoder;
 use super::header::{StampReader, schema_name};
 use super::{
-    CameraSkew, Channel, ClockSample, ClockSurvey, Damage, FrameLosses, FrameMeta, Item, Lag, MotorSource, RawMessage, Recording, Side,
-    Stamp, StreamQuality, TipStatus, Walker, topics,
+    CameraSkew, Channel, ClockSample, ClockSurvey, Damage, FrameLosses, FrameMeta, Item, Jump, Lag, MotorSource, RawMessage, Recording,
+    Side, Stamp, StreamQuality, TipStatus, Walker, topics,
 };
 use crate::Result;
 use crate::robot::SourceFormat;
@@ -36,6 +36,8 @@ pub struct TopicSurvey {
     pub rate_hz: Option<f64>,
     /// How the clock of a robot's stamps went against the recorder's, where arrivals were recorded.
     pub lag: Option<Lag>,
+    /// Steps of that clock.
+    pub jumps: Vec<Jump>,
     /// Regularity.
     #[serde(flatten)]
     pub quality: StreamQuality,
@@ -80,6 +82,8 @@ pub struct Survey {
     pub bytes: u64,
     /// All messages that can be read.
     pub messages: u64,
+    /// When the first message in the file arrived; `None` without messages.
+    pub first_arrival: Option<Stamp>,
     /// What is wrong with the file.
     pub damage: Option<Damage>,
     /// Topics by name.
@@ -115,6 +119,7 @@ impl Survey {
         let mut records: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
         let (mut losses, mut clock) = (BTreeMap::new(), Vec::new());
         let mut attachments = Vec::new();
+        let mut first_arrival = None;
         walker.run(|item| {
             match item {
                 Item::Start { .. } => {}
@@ -123,6 +128,7 @@ impl Survey {
                     streams.entry(channel.topic.clone()).or_insert_with(|| Stream::new(channel));
                 }
                 Item::Message(message) => {
+                    first_arrival.get_or_insert(message.log_time);
                     let topic = message.channel.topic.as_str();
                     if let (Some(reading), Some(stream)) = (channels.get(&message.channel.id), streams.get_mut(topic)) {
                         stream.take(reading, &message);
@@ -146,6 +152,7 @@ impl Survey {
             path: path.to_owned(),
             bytes: walker.length(),
             messages: walker.messages(),
+            first_arrival,
             damage: walker.damage().cloned(),
             topics: streams.into_values().map(Stream::finish).collect(),
             cameras,
@@ -204,6 +211,7 @@ impl Survey {
             if let Some(quality) = recording.quality.get(&topic.topic) {
                 topic.quality.non_finite = quality.non_finite;
                 topic.quality.undecodable = quality.undecodable;
+                topic.quality.without_stamp = quality.without_stamp;
             }
         }
     }
@@ -211,7 +219,6 @@ impl Survey {
 
 /// What the recorder noted besides what it recorded.
 enum Note {
-                topic.quality.without_stamp = quality.without_stamp;
     Frame(Side, FrameMeta),
     Clock(ClockSample),
 }
@@ -263,6 +270,7 @@ impl Stream {
             missing_frames: 0,
             rate_hz: None,
             lag: None,
+            jumps: Vec::new(),
             quality: StreamQuality::default(),
         };
         Self { survey, stamps: Vec::new(), lags: Vec::new(), without_stamp: 0, undecodable: 0, last_frame: None }
@@ -275,6 +283,7 @@ impl Stream {
         if message.channel.message_encoding == "ros1" && topics::camera_of(&message.channel.topic).is_none() {
             self.lags.extend(own.map(|stamp| (stamp, message.log_time)));
         }
+        let mut fits = true;
         if let Some((side, decoder)) = &reading.frames {
             match decoder.decode(*side, message) {
                 Some(frame) => {
@@ -283,7 +292,6 @@ impl Stream {
                     let jump = frame.sequence.zip(self.last_frame).and_then(|(now, before)| now.checked_sub(before + 1));
                     self.survey.missing_frames = self.survey.missing_frames.saturating_add(jump.unwrap_or(0));
                     self.last_frame = frame.sequence;
-        let mut fits = true;
                 }
                 None => {
                     self.undecodable += 1;
@@ -291,6 +299,8 @@ impl Stream {
                 }
             }
         }
+        // What does not fit its definition shows no stamp either, and counts once.
+        self.without_stamp += usize::from(own.is_none() && fits);
     }
 
     fn finish(mut self) -> TopicSurvey {
@@ -298,9 +308,8 @@ impl Stream {
         self.survey.quality = StreamQuality { without_stamp, undecodable, ..StreamQuality::of(&self.stamps) };
         self.survey.rate_hz = self.survey.quality.rate_hz();
         self.survey.lag = Lag::of(&self.lags);
+        self.survey.jumps = Jump::all(&self.lags);
         self.survey
-        // What does not fit its definition shows no stamp either, and counts once.
-        self.without_stamp += usize::from(own.is_none() && fits);
     }
 }
 
