@@ -247,7 +247,14 @@ impl Effect {
                 if from == to {
                     return Err(Error::Argument(format!("--effect {self}: it couples `{from}` to itself.")));
                 }
-                robot.joint_index(from).and(robot.joint_index(to)).map(|_| ())
+                let (first, second) = (robot.joint_index(from)?, robot.joint_index(to)?);
+                if first > second && !robot.cable_coupling.iter().any(|coupling| (&*coupling.from, &*coupling.to) == (from, to)) {
+                    return Err(Error::Argument(format!(
+                        "--effect {self}: a cable runs over the joints before its own, and robot `{}` has no other coupling; write {to}->{from}.",
+                        robot.name
+                    )));
+                }
+                Ok(())
             }),
             _ => Ok(()),
         }

@@ -318,6 +318,8 @@ fn what_is_not_an_effect_is_refused_with_the_list() {
     assert!(fails("camera-rotation=0.1").contains("`y` is missing"));
     assert!(fails("cable-coupling:shoulder=0.1").contains("JOINT->JOINT"));
     assert!(fails("cable-coupling:elbow->elbow=0.1").contains("itself"));
+    let against = fails("cable-coupling:elbow->shoulder=0.1");
+    assert!(against.contains("write shoulder->elbow"), "{against}");
     assert!(fails("payload:shoulder=0.1").contains("not to a joint"));
     assert!(fails("link-angle:13=0.1").contains("12 or 23"));
     assert!(fails("payload").contains("no `=`"));
