@@ -134,6 +134,9 @@ struct Look {
     ways: Vec<Vec<usize>>,
 }
 
+/// No error is smaller but for rounding [rad, m, N m, N or px].
+const ROUNDING: f64 = 1e-9;
+
 fn looks(channels: &[Channel]) -> Vec<Look> {
     let mut looks = Vec::new();
     for channel in channels {
@@ -143,7 +146,8 @@ fn looks(channels: &[Channel]) -> Vec<Look> {
         for &horizon_s in horizons {
             // What has its own horizon is there already.
             let anchored = channel.anchored(horizon_s.filter(|_| channel.horizon_s.is_none()));
-            if let Some(anchored) = anchored.filter(|a| a.error.len() >= 2 * SAMPLES_MIN) {
+            let is_error = |a: &Anchored| a.error.iter().any(|e| e.abs() > ROUNDING);
+            if let Some(anchored) = anchored.filter(|a| a.error.len() >= 2 * SAMPLES_MIN && is_error(a)) {
                 looks.push(Look::new(channel, &bins, horizon_s, &anchored));
             }
         }

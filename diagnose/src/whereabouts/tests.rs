@@ -50,6 +50,13 @@ fn place<'a>(found: &'a Whereabouts, kind: Kind, label: &str) -> &'a Place {
     found.places.iter().find(|p| p.kind == kind && p.label == label && p.horizon_s.is_none()).unwrap()
 }
 
+/// What a rigid robot that is simulated without noise leaves: rounding, larger where numbers are.
+#[test]
+fn rounding_is_nowhere() {
+    let rounded = |scale: f64| find(&[Channel { unit: "mm", ..channel(75.0, |_, _, _, position| scale * position) }]);
+    assert!(rounded(1e-15).places.is_empty() && !rounded(1e-6).places.is_empty());
+}
+
 #[test]
 fn excess_at_reversals_is_found_with_its_share() {
     let white = noise(1, 4000);

@@ -8,10 +8,10 @@ use raven::robot::{Arm, MotorTrack, Robot};
 use super::data::{STRIDE_S, WINDOW_S};
 
 /// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
-pub(super) const TORQUE_MODEL: f64 = 0.01;
+pub(crate) const TORQUE_MODEL: f64 = 0.01;
 /// Time over which its errors are alike [s].
 pub(super) const TORQUE_ALIKE_S: f64 = 0.2;
-/// Slowest motor at which the direction of its friction is beyond doubt [rad/s].
+/// Slowest motor at which the direction of its friction is beyond doubt [rad/s]; slower, the torque that a model asks for is arbitrary.
 pub(crate) const CREEP_RAD_S: f64 = 1.0;
 
 /// Part of a joint's dry friction that is not known near rest, however it holds, and how slow that is in speeds below which friction fades. In
@@ -75,6 +75,11 @@ pub(super) fn dry_friction(arm: &Arm, shaft: &Shaft) -> Vector3<f64> {
     arm.dry_friction().under(&arm.transmission.tension_n(&gravity))
 }
 
+/// Whether a motor moves one way beyond doubt throughout a window.
+pub(crate) fn surely_moving(shaft: &Shaft, j: usize) -> bool {
+    shaft.rate[j].abs() > CREEP_RAD_S + 0.5 * WINDOW_S * shaft.acceleration[j].abs()
+}
+
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is
 /// not known of the friction of `arm` near rest. Before links are loose they say nothing.
 pub(super) fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: &Loose) -> Vec<Vector3<f64>> {
@@ -87,9 +92,8 @@ pub(super) fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: 
         let rate = transmission.joint_rate_from_motor(&shaft.rate);
         let dry = dry_friction(arm, shaft);
         Vector3::from_fn(|j, _| {
-            let surely_moving = shaft.rate[j].abs() > CREEP_RAD_S + 0.5 * WINDOW_S * shaft.acceleration[j].abs();
             let is_loose = shaft.time_s >= loose.links_s.max(loose.joints_s[j]);
-            if !surely_moving || !is_loose || model[j] == 0.0 {
+            if !surely_moving(shaft, j) || !is_loose || model[j] == 0.0 {
                 return 0.0;
             }
             let friction = dry[j] / transmission.link_radius_m[j] * transmission.cable_per_motor_m[j] * robot.joints[j].gear_ratio;

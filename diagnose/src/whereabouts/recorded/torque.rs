@@ -6,13 +6,10 @@ use raven::robot::{Arm, Joint};
 use raven::stats::{median, rms};
 
 use super::{Track, joint_factors};
+use crate::evidence::recorded::torques::{TORQUE_MODEL, surely_moving};
 
 /// Torque samples this far apart share no motor sample [s].
 const TORQUE_STRIDE_S: f64 = crate::evidence::recorded::data::WINDOW_S;
-/// What a model of rigid links and dry friction is good for, as part of the torque commanded [1].
-const TORQUE_MODEL: f64 = 0.01;
-/// Slowest motor at which the direction of its friction is beyond doubt [rad/s]; slower, the torque that a model asks for is arbitrary.
-const SLOWEST_RAD_S: f64 = 1.0;
 /// Root mean square of the third difference of white noise with unit deviation, squared: 1 + 9 + 9 + 1.
 const THIRD_DIFFERENCE: f64 = 20.0;
 /// Median of the magnitude of a normal deviate.
@@ -29,8 +26,7 @@ pub(super) fn torque_track(arm: &Arm, joint: &Joint, j: usize, model: &TorqueMod
     let noise = noise_of_torque(&residual, &commanded);
     let motors: Vec<Option<Vector3<f64>>> = apart.iter().map(|(s, _)| Some(s.angle)).collect();
     let factors = joint_factors(arm, joint, j, &motors, &all_time_s, &rates);
-    let moving = |s: &Shaft| s.rate[j].abs() > SLOWEST_RAD_S + 0.5 * TORQUE_STRIDE_S * s.acceleration[j].abs();
-    let kept: Vec<usize> = (0..apart.len()).filter(|&k| moving(&apart[k].0)).collect();
+    let kept: Vec<usize> = (0..apart.len()).filter(|&k| surely_moving(&apart[k].0, j)).collect();
     let pick = |column: &[f64]| kept.iter().map(|&k| column[k]).collect::<Vec<f64>>();
     Track {
         time_s: pick(&all_time_s),
