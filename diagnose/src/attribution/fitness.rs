@@ -136,6 +136,10 @@ mod tests {
         assert_eq!(said(&[recorded(4.9, swing([1.0; 3])), recorded(4.9, swing([1.0; 3]))]), None);
         let short = said(&[short]).unwrap();
         assert!(short.contains("4.9 s were recorded, at least 5 s"), "{short}");
+        let mut unknown = recorded(12.0, swing([1.0; 3]));
+        unknown.sights.iter_mut().for_each(|sight| sight.covariance_m2.fill(0.0));
+        let unknown = said(&[unknown.weighed()]).unwrap();
+        assert!(unknown.contains("0 tips, at least 60"), "{unknown}");
         let at_rest = said(&[recorded(12.0, swing([0.0; 3]))]).unwrap();
         assert!(at_rest.contains("no joint moves"), "{at_rest}");
         let mut unread = recorded(12.0, swing([0.0; 3]));

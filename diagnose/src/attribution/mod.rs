@@ -185,7 +185,7 @@ pub fn attribute(nominal: &Nominal, recordings: &[Recording], each: impl FnMut()
         let remarks = bench.remarks().into_iter().map(str::to_owned).collect();
         return Ok(Attribution { remarks, ..attributed(&bench, spread, each)? });
     }
-    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, *cameras)).collect::<Result<_>>()?;
+    let data: Vec<Data> = recordings.iter().map(|recording| Ok(Data::new(recording, *cameras)?.weighed())).collect::<Result<_>>()?;
     check_fitness(robot, &data)?;
     attributed(&Rows::new(robot, *cameras, &data)?, spread, each)
 }
@@ -235,7 +235,7 @@ pub struct Told {
 /// As [`attribute`].
 pub fn when_told(nominal: &Nominal, recordings: &[Recording], effects: &[(&str, Option<&str>)]) -> Result<Option<Told>> {
     let Nominal { robot, cameras, spread } = nominal;
-    let data: Vec<Data> = recordings.iter().map(|recording| Data::new(recording, *cameras)).collect::<Result<_>>()?;
+    let data: Vec<Data> = recordings.iter().map(|recording| Ok(Data::new(recording, *cameras)?.weighed())).collect::<Result<_>>()?;
     let rows = Rows::new(robot, *cameras, &data)?;
     let coordinates = Coordinates::new(robot, &rows).spread(spread);
     let of_name = |&(id, joint): &(&str, Option<&str>)| {

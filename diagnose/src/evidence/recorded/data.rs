@@ -38,11 +38,6 @@ pub struct Data {
     pub shafts: Vec<Shaft>,
 }
 
-/// Whether a tip says where it is and how well that is known.
-fn is_usable(sight: &Sight) -> bool {
-    sight.position_m.iter().all(|v| v.is_finite()) && sight.covariance_m2.cholesky().is_some()
-}
-
 impl Data {
     /// Of a recording; `cameras` tell at which row an image shows the tip.
     ///
@@ -61,7 +56,8 @@ impl Data {
                 [row(tip.left_px, c.left.height), row(tip.right_px, c.right.height)]
             }),
         });
-        let sights: Vec<Sight> = sights.filter(is_usable).collect();
+        let finite = |sight: &Sight| sight.position_m.iter().chain(&sight.covariance_m2).all(|v| v.is_finite());
+        let sights: Vec<Sight> = sights.filter(finite).collect();
         let stride = sights.len().div_ceil(SIGHTS_MAX).max(1);
         let sights = sights.into_iter().step_by(stride).collect();
         let shafts = match recording.require_motor()?.effort.as_ref() {
@@ -74,6 +70,13 @@ impl Data {
             _ => Vec::new(),
         };
         Ok(Self::of(&motors, sights, shafts))
+    }
+
+    /// Without tips of which nobody says how well they are known: they weigh nothing.
+    #[must_use]
+    pub fn weighed(mut self) -> Self {
+        self.sights.retain(|sight| sight.covariance_m2.cholesky().is_some());
+        self
     }
 
     /// Of motors as they were recorded.
