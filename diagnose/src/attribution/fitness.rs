@@ -50,11 +50,7 @@ pub fn check_fitness(robot: &Robot, data: &[Data]) -> Result<()> {
 
 /// Whether tips cover more than a joint that stands could make them.
 fn tips_move(data: &[Data]) -> bool {
-    let positions = || data.iter().flat_map(|d| &d.sights).map(|sight| sight.position_m);
-    let (low, high) = positions().fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), position| {
-        (low.inf(&position), high.sup(&position))
-    });
-    (high - low).max() > TIPS_MOVE_M
+    covered(data.iter().flat_map(|d| &d.sights).map(|sight| sight.position_m)).max() > TIPS_MOVE_M
 }
 
 /// Refuses recordings of a bench that are too short or without motion.
@@ -92,13 +88,23 @@ fn each_alone(transmission: &Transmission, motor: &Vector3<f64>) -> Vector3<f64>
     Vector3::from_fn(|j, _| transmission.joint_alone(j, motor[j]))
 }
 
-/// The joints that move where they take these positions [rad, m].
-fn moving(robot: &Robot, positions: impl Iterator<Item = Vector3<f64>>) -> Vec<&str> {
+/// From the least to the largest of positions, coordinate by coordinate; zero of none.
+fn covered(positions: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let extremes = positions.fold(None, |extremes: Option<[Vector3<f64>; 2]>, position| {
         Some(extremes.map_or([position, position], |[low, high]| [low.inf(&position), high.sup(&position)]))
     });
-    let covered = extremes.map_or_else(Vector3::zeros, |[low, high]| high - low);
-    robot.joints.iter().zip(&covered).filter(|(joint, covered)| moves(joint, **covered)).map(|(joint, _)| joint.name.as_str()).collect()
+    extremes.map_or_else(Vector3::zeros, |[low, high]| high - low)
+}
+
+/// The joints that move where they take these positions [rad, m].
+fn moving(robot: &Robot, positions: impl Iterator<Item = Vector3<f64>>) -> Vec<&str> {
+    robot
+        .joints
+        .iter()
+        .zip(&covered(positions))
+        .filter(|(joint, covered)| moves(joint, **covered))
+        .map(|(joint, _)| joint.name.as_str())
+        .collect()
 }
 
 #[cfg(test)]

@@ -173,6 +173,11 @@ pub struct NotObservable {
 /// Probability from which on the leading candidate is spoken of where none is named, and an effect is named beside others.
 const LEADING_MIN: f64 = 0.05;
 
+/// What recordings of an arm say, as far as it weighs anything.
+fn data(recordings: &[Recording], cameras: Option<&Cameras>) -> Result<Vec<Data>> {
+    recordings.iter().map(|recording| Ok(Data::new(recording, cameras)?.weighed())).collect()
+}
+
 /// Says what causes the gap of recordings of an arm or a bench. `each` hears of every step.
 ///
 /// # Errors
@@ -185,7 +190,7 @@ pub fn attribute(nominal: &Nominal, recordings: &[Recording], each: impl FnMut()
         let remarks = bench.remarks().into_iter().map(str::to_owned).collect();
         return Ok(Attribution { remarks, ..attributed(&bench, spread, each)? });
     }
-    let data: Vec<Data> = recordings.iter().map(|recording| Ok(Data::new(recording, *cameras)?.weighed())).collect::<Result<_>>()?;
+    let data = data(recordings, *cameras)?;
     check_fitness(robot, &data)?;
     attributed(&Rows::new(robot, *cameras, &data)?, spread, each)
 }
@@ -235,7 +240,7 @@ pub struct Told {
 /// As [`attribute`].
 pub fn when_told(nominal: &Nominal, recordings: &[Recording], effects: &[(&str, Option<&str>)]) -> Result<Option<Told>> {
     let Nominal { robot, cameras, spread } = nominal;
-    let data: Vec<Data> = recordings.iter().map(|recording| Ok(Data::new(recording, *cameras)?.weighed())).collect::<Result<_>>()?;
+    let data = data(recordings, *cameras)?;
     let rows = Rows::new(robot, *cameras, &data)?;
     let coordinates = Coordinates::new(robot, &rows).spread(spread);
     let of_name = |&(id, joint): &(&str, Option<&str>)| {
