@@ -8,14 +8,16 @@
 //!
 //! with `w` the motors' motion behind the [hysteresis](raven::robot::Arm::driving) of each cable, and its direction for the friction's. At
 //! reversals friction holds a joint back while its cable winds up, and inertia and damping move it too: 1e-4 rad rms and 6 um on motions
-//! of 0.8 rad/s. The [`lag`](Predictor::lag) of a rollout behind that rest is added. The prediction is then moved as the registration is
-//! off, so that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
+//! of 0.8 rad/s, and more the softer the cables. The [`lag`](Predictor::lag) of a rollout behind that rest is added, in which friction that
+//! holds [grips](LinkModel::rollout_gripped) the joints: links that swing behind its play would not come to rest. The prediction is then
+//! moved as the registration is off, so that it meets the sighting, and the sighting's covariance, in the frame in which they were recorded.
 
 use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Vector3};
 use raven::Result;
 use raven::observation::TipCorrection;
+use raven::robot::stiction::has_play;
 use raven::robot::{LinkModel, LinkState, Robot};
 use rayon::prelude::*;
 
@@ -80,16 +82,22 @@ impl Predictor {
         self.correction.seen_from_true() * self.model.arm().kinematics.jacobian(&joints)
     }
 
-    /// How far from rest inertia and damping keep the joints [rad, rad, m] at the stamps `times_s` (sorted), by rollouts. Nothing where
-    /// the motion is not known.
+    /// How far from rest inertia, damping and friction that holds keep the joints [rad, rad, m] at the stamps `times_s` (sorted), by rollouts.
+    /// Nothing where the motion is not known.
     #[must_use]
-    pub fn lag(&self, driving: &Motion, times_s: &[f64]) -> Vec<Vector3<f64>> {
+    pub fn lag(&self, motors: &Motion, times_s: &[f64]) -> Vec<Vector3<f64>> {
+        let driving = &self.driving(motors);
         let of_robot: Vec<f64> = times_s.iter().map(|&t| self.correction.shown_at_s(t)).collect();
+        let lag = |(state, &time_s): (Option<LinkState>, &f64)| {
+            state.map_or_else(Vector3::zeros, |state| state.position - self.joints(driving, time_s))
+        };
+        // Where friction that holds has hold of a joint may have been settled long before any warm-up.
+        if has_play(self.model.arm()) {
+            let winding = self.model.arm().winding(motors.track());
+            return self.model.rollout_gripped(&winding, &of_robot).into_iter().zip(&of_robot).map(lag).collect();
+        }
         let of_part = |times_s: &[f64]| {
             let track = driving.part(times_s[0] - WARM_UP_S, times_s[times_s.len() - 1]);
-            let lag = |(state, &time_s): (Option<LinkState>, &f64)| {
-                state.map_or_else(Vector3::zeros, |state| state.position - self.joints(driving, time_s))
-            };
             let begins = track.time_s.first() == driving.track().time_s.first();
             self.model.rollout_of_part(&track, times_s, begins).into_iter().zip(times_s).map(lag).collect::<Vec<_>>()
         };
@@ -116,7 +124,7 @@ mod tests {
         let robot = nominal::gold();
         let predictor = Predictor::new(&robot).unwrap();
         let times_s: Vec<f64> = (0..40).map(|i| 1.0 + f64::from(i) / 20.0).collect();
-        let lag = predictor.lag(&predictor.driving(&swing()), &times_s);
+        let lag = predictor.lag(&swing(), &times_s);
         // Inertia swings a spring of 558 N m/rad by m w^2 a / k, a spring that gives way by as much more.
         let arm = robot.arm().unwrap();
         let inertia = arm.dynamics.mass_matrix(&Vector3::new(0.8, 1.6, 0.33))[(1, 1)];

@@ -320,7 +320,7 @@ impl<'a> Problem<'a> {
     fn rollout(&self, predictor: &Predictor) -> Vec<Vector3<f64>> {
         let of_session = |session: &Session| {
             let times_s: Vec<f64> = session.sightings.iter().map(|s| s.time_s).collect();
-            predictor.lag(&predictor.driving(&session.motion), &times_s)
+            predictor.lag(&session.motion, &times_s)
         };
         self.sessions.iter().flat_map(of_session).collect()
     }

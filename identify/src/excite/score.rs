@@ -57,7 +57,7 @@ fn measured(robot: &Robot, motion: &Motion, sensor: Sensor) -> Result<Vec<Vector
         Sensor::Camera(rate_hz) => {
             let (predictor, times) = (Predictor::new(robot)?, times(rate_hz));
             let driving = predictor.driving(motion);
-            let lag = predictor.lag(&driving, &times);
+            let lag = predictor.lag(motion, &times);
             let seen = |(&t, lag): (&f64, &Vector3<f64>)| predictor.seen_lagging_m(&driving, t, lag).component_div(&CAMERA_M);
             times.iter().zip(&lag).map(seen).collect()
         }
@@ -67,7 +67,7 @@ fn measured(robot: &Robot, motion: &Motion, sensor: Sensor) -> Result<Vec<Vector
             blind.observation = Observation::default();
             let predictor = Predictor::new(&blind)?;
             let (times, driving) = (times(rate_hz), predictor.driving(motion));
-            let lag = predictor.lag(&driving, &times);
+            let lag = predictor.lag(motion, &times);
             times.iter().zip(&lag).map(|(&t, lag)| (predictor.joints(&driving, t) + lag).component_div(&ENCODER)).collect()
         }
     })

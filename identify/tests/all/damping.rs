@@ -35,7 +35,7 @@ fn session(truth: &Robot, random: &mut ChaCha8Rng) -> Session {
         let noise = Vector3::from_fn(|j, _| std_m[j] * Distribution::<f64>::sample(&StandardNormal, random));
         Sighting::new(t, predictor.seen_lagging_m(&driving, t, lag) + noise, &covariance).unwrap()
     };
-    let sightings = times.iter().zip(&predictor.lag(&driving, &times)).map(&mut see).collect();
+    let sightings = times.iter().zip(&predictor.lag(&motion, &times)).map(&mut see).collect();
     Session { name: "simulated.mcap".to_owned(), sha256: "00".to_owned(), motion, sightings }
 }
 

@@ -12,7 +12,7 @@ use raven_identify::priors;
 use raven_identify::problem::Problem;
 use raven_identify::session::Session;
 
-use super::virtual_robot::{self, Case, MIDDLE, WIDE, motion, session};
+use super::virtual_robot::{self, Case, MIDDLE, WIDE, halting, motion, session};
 
 #[test]
 fn the_papers_pulley_is_found_beside_a_late_and_turned_camera() {
@@ -121,7 +121,7 @@ fn identifying_again_keeps_the_way_back() {
     assert_eq!(robot.before_calibration(), case.robot);
 }
 
-/// Behind cables soft enough for it, reversals tell whether friction holds: at the joint that was asked about, and with a way back.
+/// Behind cables soft enough for it, halts tell whether friction holds: at the joint that was asked about, and with a way back.
 #[test]
 fn friction_that_holds_is_written_where_it_was_found() {
     let mut case = Case::new(&["k_e2", "F_c2"]);
@@ -132,10 +132,7 @@ fn friction_that_holds_is_written_where_it_was_found() {
     for held_part in [0.0, 1.0] {
         let mut truth = case.robot.clone();
         truth.joints[1].link_friction.as_mut().unwrap().held_part = held_part;
-        let motors = motion(40.0, MIDDLE, WIDE);
-        let driving = motors.with_track(truth.arm().unwrap().driving(motors.track()).into_owned());
-        let seen = session(&truth, &driving, &mut ChaCha8Rng::seed_from_u64(3), 0.0);
-        let sessions = [Session { motion: motors, ..seen }];
+        let sessions = [session(&truth, &halting(40.0, MIDDLE, WIDE), &mut ChaCha8Rng::seed_from_u64(3), 0.0)];
         let mut problem = Problem::new(&case.robot, &case.unknowns, &sessions).unwrap();
         let may_hold: Vec<bool> = case.unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
         let findings = Finding::all(&case.unknowns, &problem.estimate(&may_hold).unwrap());

@@ -20,9 +20,20 @@ const BLOCK_S: f64 = 2.0;
 
 /// The motors of a controller with the nominal numbers, on slow sines about `centre`.
 pub fn motion(duration_s: f64, centre: Vector3<f64>, amplitude: Vector3<f64>) -> Motion {
+    along(duration_s, centre, amplitude, |t| t)
+}
+
+/// The same, standing still for two of every four seconds.
+pub fn halting(duration_s: f64, centre: Vector3<f64>, amplitude: Vector3<f64>) -> Motion {
+    along(duration_s, centre, amplitude, |t| 2.0 * (t / 4.0).floor() + (t % 4.0).min(2.0))
+}
+
+/// On sines whose time is `path_s` [s] of the recording's.
+fn along(duration_s: f64, centre: Vector3<f64>, amplitude: Vector3<f64>, path_s: impl Fn(f64) -> f64) -> Motion {
     let transmission = nominal::gold().arm().unwrap().transmission;
     let time_s: Vec<f64> = (0..(duration_s * RATE_HZ) as usize).map(|i| i as f64 / RATE_HZ).collect();
-    let joint = |t: f64| centre + amplitude.component_mul(&Vector3::new((0.9 * t).sin(), (0.7 * t).sin(), (0.5 * t).sin()));
+    let swing = |t: f64| Vector3::new((0.9 * t).sin(), (0.7 * t).sin(), (0.5 * t).sin());
+    let joint = |t: f64| centre + amplitude.component_mul(&swing(path_s(t)));
     let angle = time_s.iter().map(|&t| transmission.motor_from_joint(&joint(t))).collect();
     Motion::new(MotorTrack { time_s, angle }, 0.02).unwrap()
 }
@@ -45,7 +56,7 @@ pub fn session(truth: &Robot, motion: &Motion, random: &mut ChaCha8Rng, alike: f
     let stamps = (0..((end - start) * CAMERA_HZ) as usize).map(|i| start + (i as f64 + 0.5) / CAMERA_HZ);
     let stamps: Vec<f64> = stamps.filter(|t| motion.covers(t - 0.1, t + 0.1)).collect();
     let shown: Vec<f64> = stamps.iter().map(|&t| correction.shown_at_s(t)).collect();
-    let links = LinkModel::new(arm).rollout(motion.track(), &shown);
+    let links = LinkModel::new(arm).rollout_gripped(motion.track(), &shown);
     let mut normal = || factor * Vector3::from_fn(|_, _| StandardNormal.sample(random));
     let mut common = normal();
     let mut sightings = Vec::new();
