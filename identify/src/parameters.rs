@@ -207,16 +207,16 @@ impl Quantity {
         matches!(self, Self::PulleyRadius(_) | Self::Stiffness(_) | Self::Damping(_) | Self::Coulomb(_) | Self::Rounding(_))
     }
 
-    /// Whether it shows in motion alone: where the cables hold the joints at rest does not depend on it.
+    /// Whether the way the links swing about their rest depends on it to first order.
     #[must_use]
-    pub fn is_damping(self) -> bool {
-        matches!(self, Self::Damping(_))
+    pub fn is_of_links(self) -> bool {
+        matches!(self, Self::Stiffness(_) | Self::Damping(_) | Self::Coulomb(_))
     }
 
-    /// Whether the way the joints swing about their rest depends on it to first order, or shifts it in time.
+    /// Whether it does, or is shifted in time.
     #[must_use]
     pub fn is_dynamic(self) -> bool {
-        matches!(self, Self::Stiffness(_) | Self::Damping(_) | Self::Coulomb(_) | Self::Latency)
+        self.is_of_links() || self == Self::Latency
     }
 }
 

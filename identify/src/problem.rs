@@ -12,7 +12,8 @@
 //!
 //! Friction holds the joints back for a while at every reversal, and inertia and damping keep them from where they would rest. Rollouts
 //! of the whole motion say by how much. That lag hardly depends on radii, hard stops, couplings and registration: it is taken from the
-//! estimate at rest and kept. Only with a cable's damping among the unknowns does every prediction come from rollouts of its own.
+//! estimate at rest and kept. With a cable's stiffness or damping or a joint's friction among the unknowns every prediction comes from
+//! rollouts of its own: behind a soft cable the lag is a large part of what there is to see of them.
 
 mod rolled;
 
@@ -41,8 +42,8 @@ pub(crate) const MISFIT_START: Vector3<f64> = Vector3::new(0.0228, 0.043, 0.0028
 /// Rounds of estimating values and misfit, and the relative change of the misfit at which they end.
 const ROUNDS_MAX: usize = 10;
 const MISFIT_SETTLED: f64 = 0.1;
-/// Rollouts that find out how far from rest the joints are, where no damping is looked for: each corrects the one before in the second
-/// order.
+/// Rollouts that find out how far from rest the joints are, where nothing is looked for that this depends on: each corrects the one before in
+/// the second order.
 const LAGS: usize = 2;
 /// Misfit that is as good as none [rad, rad, m]: a third of the tolerance of a hard stop.
 const MISFIT_NONE: Vector3<f64> = Vector3::new(3e-4, 3e-4, 1e-4);
@@ -61,7 +62,7 @@ pub struct Problem<'a> {
     joints: Joints,
     /// What observations may have in common, see [`Problem::with_flaws`].
     flaws: Vec<Flaw>,
-    /// Columns of the Jacobian [m] that took rollouts, and where.
+    /// What took rollouts, and where.
     rolled: Arc<Mutex<Rolled>>,
     turned: Vec<Turned>,
 }
@@ -235,16 +236,15 @@ impl<'a> Problem<'a> {
     fn fitted(&mut self) -> Result<DVector<f64>> {
         let mut z = DVector::zeros(Residuals::unknowns(self));
         self.settle(&mut z)?;
-        // From where the joints at rest agree with the sightings, rollouts have little left to do.
-        if self.has_damping() {
+        for _ in 0..LAGS {
+            let predictor = Predictor::new(&self.robot(&z))?;
+            self.joints = Joints::Lagging(self.rollout(&predictor));
+            self.settle(&mut z)?;
+        }
+        // From there rollouts have little left to do.
+        if self.links_are_unknown() {
             self.joints = Joints::Rolling;
             self.settle(&mut z)?;
-        } else {
-            for _ in 0..LAGS {
-                let predictor = Predictor::new(&self.robot(&z))?;
-                self.joints = Joints::Lagging(self.rollout(&predictor));
-                self.settle(&mut z)?;
-            }
         }
         Ok(z)
     }
@@ -274,12 +274,15 @@ impl<'a> Problem<'a> {
     /// If the model cannot be evaluated.
     pub fn adopt(&mut self, misfit: Vector3<f64>, z: &DVector<f64>) -> Result<()> {
         self.misfit = misfit;
-        self.joints = if self.has_damping() { Joints::Rolling } else { Joints::Lagging(self.rollout(&Predictor::new(&self.robot(z))?)) };
+        self.joints =
+            if self.links_are_unknown() { Joints::Rolling } else { Joints::Lagging(self.rollout(&Predictor::new(&self.robot(z))?)) };
         self.weigh(z)
     }
 
-    fn has_damping(&self) -> bool {
-        self.unknowns.iter().any(|unknown| unknown.quantity.is_damping())
+    /// Whether numbers are asked about on which it depends how the links swing; where they are estimated along, as registrations do, what can be
+    /// seen of them at rest is enough.
+    fn links_are_unknown(&self) -> bool {
+        self.unknowns.iter().any(|unknown| unknown.named && unknown.quantity.is_of_links())
     }
 
     /// Squared residuals normalised by the sightings' covariance alone: 3 on average, if the model explains all but the noise.
@@ -291,7 +294,7 @@ impl<'a> Problem<'a> {
         let square = |(error, (_, sighting)): (Vector3<f64>, (&Session, &Sighting))| {
             whitening(&sighting.covariance_m2).map_or(f64::NAN, |whiten| (whiten * error).norm_squared())
         };
-        Ok(self.errors(&predictor, &self.lag(&predictor), z).into_iter().zip(self.sightings()).map(square).collect())
+        Ok(self.errors(&predictor, &self.lag(&predictor, z), z).into_iter().zip(self.sightings()).map(square).collect())
     }
 
     /// Derivatives of the residuals, normalised by the sightings' covariance alone, per prior deviation of each unknown.
@@ -308,11 +311,11 @@ impl<'a> Problem<'a> {
         self.sessions.iter().flat_map(|session| session.sightings.iter().map(move |sighting| (session, sighting)))
     }
 
-    fn lag(&self, predictor: &Predictor) -> Lag {
+    fn lag(&self, predictor: &Predictor, z: &DVector<f64>) -> Lag {
         match &self.joints {
             Joints::AtRest => None,
             Joints::Lagging(lag) => Some(lag.clone()),
-            Joints::Rolling => Some(self.rollout(predictor)),
+            Joints::Rolling => Some(self.rolled_lag(predictor, z)),
         }
     }
 
@@ -349,7 +352,7 @@ impl<'a> Problem<'a> {
         let (swinging, resting): (Vec<usize>, Vec<usize>) = columns
             .iter()
             .partition(|k| matches!(self.joints, Joints::Rolling) && self.unknowns.get(**k).is_some_and(|u| u.quantity.is_dynamic()));
-        let lag = self.lag(&Predictor::new(&self.robot(z))?);
+        let lag = self.lag(&Predictor::new(&self.robot(z))?, z);
         let at_rest = |z: &DVector<f64>| Ok(self.errors(&Predictor::new(&self.robot(z))?, &lag, z));
         let column = |k: usize| match self.flaw(k) {
             Some(flaw) => Ok((k, flaw.clone())),
@@ -365,7 +368,7 @@ impl<'a> Problem<'a> {
 
     fn learn_misfit(&mut self, z: &DVector<f64>) -> Result<()> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let errors = self.errors(&predictor, &self.lag(&predictor), z);
+        let errors = self.errors(&predictor, &self.lag(&predictor, z), z);
         let residual = |((session, sighting), error): ((&Session, &Sighting), Vector3<f64>)| Residual {
             error,
             covariance: sighting.covariance_m2,
@@ -397,7 +400,7 @@ impl Residuals for Problem<'_> {
 
     fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
         let predictor = Predictor::new(&self.robot(z))?;
-        let errors = self.errors(&predictor, &self.lag(&predictor), z);
+        let errors = self.errors(&predictor, &self.lag(&predictor, z), z);
         Ok(errors.into_iter().zip(&self.whiten).map(|(error, whiten)| whiten * error).collect())
     }
 

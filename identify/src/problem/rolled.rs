@@ -1,7 +1,8 @@
-//! Columns of the Jacobian that take rollouts: kept as long as the unknowns hardly move.
+//! What takes rollouts: how far from rest the joints are, kept as long as the unknowns stay where they are, and columns of the Jacobian, kept as
+//! long as they hardly move.
 
 use std::collections::BTreeMap;
-use std::sync::PoisonError;
+use std::sync::{MutexGuard, PoisonError};
 
 use nalgebra::{DVector, Vector3};
 use raven::Result;
@@ -18,33 +19,56 @@ const PART_HELD: f64 = 0.05;
 const LATENCY_HELD_S: f64 = 2e-3;
 const REST_HELD: f64 = 0.5;
 
-/// Columns of the Jacobian that took rollouts, by unknown.
-#[derive(Debug, Clone, Default)]
+/// What took rollouts.
+#[derive(Debug, Default)]
 pub(super) struct Rolled {
+    /// How far from rest the joints are [rad, rad, m], and where.
+    lag: Option<(DVector<f64>, Vec<Vector3<f64>>)>,
+    columns: Columns,
+}
+
+/// Columns of the Jacobian [m], by unknown, and where.
+#[derive(Debug, Clone, Default)]
+struct Columns {
     z: Option<DVector<f64>>,
-    columns: BTreeMap<usize, Vec<Vector3<f64>>>,
+    by_unknown: BTreeMap<usize, Vec<Vector3<f64>>>,
 }
 
 impl Problem<'_> {
+    /// How far from rest the joints are at `z` [rad, rad, m], per sighting: a solver looks several times at where it stands.
+    pub(super) fn rolled_lag(&self, predictor: &Predictor, z: &DVector<f64>) -> Vec<Vector3<f64>> {
+        if let Some((_, lag)) = self.rolled().lag.as_ref().filter(|(at, _)| at == z) {
+            return lag.clone();
+        }
+        let lag = self.rollout(predictor);
+        self.rolled().lag = Some((z.clone(), lag.clone()));
+        lag
+    }
+
     /// Columns by rollouts, one on each side of `z` being too much work.
     pub(super) fn rolled_columns(&self, z: &DVector<f64>, wanted: &[usize]) -> Result<BTreeMap<usize, Vec<Vector3<f64>>>> {
-        let rolled = |z: &DVector<f64>| {
-            let predictor = Predictor::new(&self.robot(z))?;
-            Ok(self.errors(&predictor, &self.lag(&predictor), z))
-        };
-        // The lock is never held while others may work.
-        let mut known = self.rolled.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut known = self.rolled().columns.clone();
         if !known.z.as_ref().is_some_and(|before| self.is_near(before, z)) {
-            known = Rolled { z: Some(z.clone()), columns: BTreeMap::new() };
+            known = Columns { z: Some(z.clone()), by_unknown: BTreeMap::new() };
         }
-        let missing: Vec<usize> = wanted.iter().copied().filter(|k| !known.columns.contains_key(k)).collect();
+        let missing: Vec<usize> = wanted.iter().copied().filter(|k| !known.by_unknown.contains_key(k)).collect();
         if !missing.is_empty() {
-            let here = rolled(z)?;
+            let predictor = Predictor::new(&self.robot(z))?;
+            let here = self.errors(&predictor, &self.lag(&predictor, z), z);
+            let rolled = |z: &DVector<f64>| {
+                let predictor = Predictor::new(&self.robot(z))?;
+                Ok(self.errors(&predictor, &Some(self.rollout(&predictor)), z))
+            };
             let column = |k: usize| Ok((k, forward_difference(rolled, &here, z, k)?));
-            known.columns.extend(missing.into_par_iter().map(column).collect::<Result<Vec<_>>>()?);
-            self.rolled.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&known);
+            known.by_unknown.extend(missing.into_par_iter().map(column).collect::<Result<Vec<_>>>()?);
+            self.rolled().columns.clone_from(&known);
         }
-        Ok(wanted.iter().filter_map(|&k| Some((k, known.columns.get(&k)?.clone()))).collect())
+        Ok(wanted.iter().filter_map(|&k| Some((k, known.by_unknown.get(&k)?.clone()))).collect())
+    }
+
+    /// The lock is never held while others may work.
+    fn rolled(&self) -> MutexGuard<'_, Rolled> {
+        self.rolled.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether columns at `a` may stand for those at `b`.

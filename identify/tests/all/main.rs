@@ -9,4 +9,5 @@ mod export;
 mod recordings;
 mod recursive;
 mod simulated;
+mod soft_cables;
 mod virtual_robot;
