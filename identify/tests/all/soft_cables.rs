@@ -6,47 +6,78 @@ use std::path::Path;
 use clap::Parser;
 use raven::robot::nominal;
 use raven::simulation::{Effect, EffectKind, Motion, Options, Session};
+use raven::stats::{chi_square_quantile, rms};
 use raven_identify::{Args, run};
 
-const SEEDS: u64 = 4;
-const DURATION_S: f64 = 16.0;
 /// What is left of the stiffness of the elbow's and the insertion's cable.
 const SOFT: [(&str, f64); 2] = [("elbow", 0.15), ("insertion", 0.25)];
 
 /// What is found of one session, as scripts read it.
-fn identified(seed: u64, folder: &Path) -> serde_json::Value {
+fn identified(seed: u64, motion: Motion, duration_s: f64, parameters: &str, folder: &Path) -> serde_json::Value {
     let robot = nominal::gold();
     let effects = SOFT.map(|(joint, factor)| Effect::new(EffectKind::CableStretch, Some(joint), &[factor]).unwrap()).to_vec();
     let session = Session::new(&robot, Options { seed, effects, ..Options::default() }).unwrap();
     let (log, file, result) = (folder.join("log.mcap"), folder.join("robot.yaml"), folder.join("result.json"));
-    session.record(Motion::Rich, DURATION_S, &log, |_| ()).unwrap();
+    session.record(motion, duration_s, &log, |_| ()).unwrap();
     robot.write(&file).unwrap();
-    let asked = [Path::new("--parameters"), "r_l,k_e2,k_e3,latency".as_ref()];
+    let asked = [Path::new("--parameters"), parameters.as_ref()];
     let line = [Path::new("raven-identify"), &log, "--robot".as_ref(), &file, "--json".as_ref(), &result];
     run(Args::parse_from(line.iter().chain(&asked)), &mut Vec::new()).unwrap();
     serde_json::from_str(&std::fs::read_to_string(&result).unwrap()).unwrap()
 }
 
+/// Errors of what is known of the lab over the claimed deviations, and the deviations as parts of the truth (the latency's in ms), by number.
+fn off(result: &serde_json::Value) -> Vec<(String, f64, f64)> {
+    let arm = nominal::gold().arm().unwrap();
+    let (stiffness, friction) = (arm.cables.map(|cable| cable.stiffness), arm.link_friction.map(|friction| friction.coulomb));
+    let truths = [
+        ("k_e2", SOFT[0].1 * stiffness[1]),
+        ("k_e3", SOFT[1].1 * stiffness[2]),
+        ("F_c2", friction[1]),
+        ("F_c3", friction[2]),
+        ("latency", 0.0),
+    ];
+    let parameters = result["parameters"].as_array().unwrap();
+    let found = truths.iter().filter_map(|(name, truth)| Some((name, truth, parameters.iter().find(|p| p["name"] == *name)?)));
+    let off = |(name, truth, found): (&&str, &f64, &serde_json::Value)| {
+        let number = |key: &str| found[key].as_f64().unwrap();
+        assert_eq!(found["identified"], true, "{found}");
+        let unit = if *truth > 0.0 { *truth } else { 1e-3 };
+        ((*name).to_owned(), (number("value") - truth) / number("std"), number("std") / unit)
+    };
+    found.map(off).collect()
+}
+
+/// Holds squared errors of several sessions against the claimed variances, where 99 % of such means lie, and says how they are.
+fn assert_claims_hold(motion: Motion, duration_s: f64, parameters: &str, seeds: u64, nis_max: f64) {
+    let folder = tempfile::tempdir().unwrap();
+    let results: Vec<_> = (1..=seeds).map(|seed| identified(seed, motion, duration_s, parameters, folder.path())).collect();
+    let nis: Vec<f64> = results.iter().map(|result| result["nis_mean"].as_f64().unwrap()).collect();
+    let [least, most] = [nis.iter().copied().fold(f64::INFINITY, f64::min), nis.iter().copied().fold(0.0, f64::max)];
+    println!("{motion}, {seeds} sessions of {duration_s} s, {parameters}: NIS {least:.2} to {most:.2}");
+    let all: Vec<_> = results.iter().map(off).collect();
+    for k in 0..all[0].len() {
+        let column = |of: fn(&(String, f64, f64)) -> f64| rms(&all.iter().map(|found| of(&found[k])).collect::<Vec<_>>()).unwrap();
+        let (name, over, std) = (&all[0][k].0, column(|found| found.1), column(|found| found.2));
+        println!("  {name:<8} errors rms {over:.2} of the claimed deviation, {std:.4}");
+        let limit = chi_square_quantile(seeds as usize, 0.99).unwrap() / seeds as f64;
+        assert!(over * over < limit, "{motion}: squared errors of {name} are {:.2} of the claimed variance", over * over);
+    }
+    assert!(most < nis_max, "{motion}: residuals are {most}, and noise alone would be 3");
+}
+
 #[test]
 fn stiffness_of_soft_cables_is_known_as_well_as_claimed() {
-    let folder = tempfile::tempdir().unwrap();
-    let nominal = nominal::gold().arm().unwrap().cables.map(|cable| cable.stiffness);
-    let truths = [("k_e2", SOFT[0].1 * nominal[1]), ("k_e3", SOFT[1].1 * nominal[2]), ("latency", 0.0)];
-    let mut squares = [0.0; 3];
-    for seed in 1..=SEEDS {
-        let result = identified(seed, folder.path());
-        for ((name, truth), square) in truths.iter().zip(&mut squares) {
-            let found = result["parameters"].as_array().unwrap().iter().find(|p| p["name"] == *name).unwrap();
-            let number = |key: &str| found[key].as_f64().unwrap();
-            assert_eq!(found["identified"], true, "seed {seed}: {found}");
-            *square += ((number("value") - truth) / number("std")).powi(2) / SEEDS as f64;
-        }
-        // Mean of 230 sums of three squared normals: one deviation is 0.16.
-        let nis = result["nis_mean"].as_f64().unwrap();
-        assert!(nis < 3.5, "seed {seed}: residuals are {nis}, and noise alone would be 3");
-    }
-    // Mean of four squared normals: 99 % lie below 3.32.
-    for ((name, _), square) in truths.iter().zip(squares) {
-        assert!(square < 3.32, "{name}: squared errors are {square:.2} of the claimed variance");
-    }
+    // A mean NIS of 230 sightings has a deviation of 0.16.
+    assert_claims_hold(Motion::Rich, 16.0, "r_l,k_e2,k_e3,latency", 4, 3.5);
+}
+
+#[test]
+#[ignore = "long: 48 sessions of 30 s"]
+fn numbers_of_soft_cables_are_known_as_well_as_claimed() {
+    assert_claims_hold(Motion::Rich, 30.0, "r_l,k_e2,k_e3,latency", 12, 3.5);
+    assert_claims_hold(Motion::Rich, 30.0, "r_l,k_e2,k_e3,F_c2,F_c3,latency", 12, 3.5);
+    assert_claims_hold(Motion::Sinusoid, 30.0, "r_l,k_e2,k_e3,latency", 12, 3.5);
+    // Nobody knows how friction held the joints as it began to rest on them; a warning says so above 6.
+    assert_claims_hold(Motion::Fls(0), 30.0, "r_l,k_e2,k_e3,latency", 12, f64::INFINITY);
 }
