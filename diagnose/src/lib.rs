@@ -25,7 +25,7 @@ use raven::{Error, Result, files};
 use serde::Serialize;
 
 use crate::against::Against;
-use crate::attribution::{Attribution, Nominal};
+use crate::attribution::{Attribution, Nominal, Side};
 use crate::evidence::numbers::spread::{Departures, Spread};
 use crate::gap::{Gap, MotorMotion};
 use crate::residual::{Channels, Residuals, channels};
@@ -172,9 +172,12 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     report.lost = recordings.iter().flat_map(lost).collect();
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
     let mut lenses = cameras.as_ref();
-    let mut simulations = Vec::new();
+    let (mut simulations, mut pairs) = (Vec::new(), None);
     if !args.against.is_empty() {
-        (recordings, simulations) = against::compare(&robot, cameras.as_ref(), &recordings, &args.against)?;
+        let simulated = against::read(&robot, &recordings, &args.against)?;
+        let (put_right, found) = against::compare(&robot, cameras.as_ref(), &recordings, &simulated)?;
+        simulations = found;
+        pairs = Some((std::mem::replace(&mut recordings, put_right), simulated));
         residuals = channels(&recordings, &robot)?;
         lenses = None;
     }
@@ -193,14 +196,11 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         let nominal = Nominal::new(&robot, cameras.as_ref());
         let (spread, silent) = beside(&nominal, &args.beside)?;
         report.lost.extend(silent);
-        match causes(&Nominal { spread, ..nominal }, &recordings) {
-            Ok(mut attribution) => {
-                attribution.remarks.extend(report.against.as_ref().map(Against::remark));
-                report.attribution = Some(attribution);
-            }
-            Err(Error::Data(because)) => report.no_diagnosis = Some(because),
-            Err(error) => return Err(error),
-        }
+        let nominal = Nominal { spread, ..nominal };
+        report.add(match &pairs {
+            None => causes(&nominal, &recordings),
+            Some((real, simulated)) => causes_against(&nominal, &recordings, real, simulated),
+        })?;
     }
     cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     if let Some(html) = &args.html {
@@ -241,6 +241,19 @@ fn causes(nominal: &Nominal, recordings: &[Recording]) -> Result<Attribution> {
     attribution
 }
 
+/// What recordings that were put right by their simulations say of causes: those that the robot has and the simulation lacks, or the other way round.
+fn causes_against(nominal: &Nominal, put_right: &[Recording], real: &[Recording], simulated: &[Recording]) -> Result<Attribution> {
+    let of_robot = causes(nominal, put_right)?;
+    let turned = against::turned_about(nominal.robot, nominal.cameras, real, simulated)?;
+    let of_simulation = match causes(nominal, &turned) {
+        // What departs far from the model may be out of its reach on the other side.
+        Err(Error::Data(_)) => return Ok(Attribution { side: Some(Side::Robot), ..of_robot }),
+        of_simulation => of_simulation?,
+    };
+    let evidence = attribution::evidence_of_both(nominal, [(put_right, &of_robot.point), (&turned, &of_simulation.point)])?;
+    Ok(against::stronger([of_robot, of_simulation], evidence))
+}
+
 /// How far other recordings of the rig, each diagnosed alone, take the file's numbers to be off, and which of them say nothing of it.
 fn beside(nominal: &Nominal, logs: &[PathBuf]) -> Result<(Spread, Vec<String>)> {
     let bar = cli::progress(logs.len() as u64, "diagnosing other recordings");
@@ -265,6 +278,19 @@ const NO_CAUSES_OF_BENCH: &str = "Causes of a bench's gap to a simulation are no
 const STEPS: u64 = 6;
 
 impl Report {
+    /// Takes in what recordings say of causes, or why they say nothing.
+    fn add(&mut self, found: Result<Attribution>) -> Result<()> {
+        match found {
+            Ok(mut attribution) => {
+                attribution.remarks.extend(self.against.as_mut().zip(attribution.side).map(|(against, side)| against.remark(side)));
+                self.attribution = Some(attribution);
+            }
+            Err(Error::Data(because)) => self.no_diagnosis = Some(because),
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
     fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels]) -> Self {
         let mut report = Self {
             format: "raven-diagnosis/1",
@@ -383,7 +409,7 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::attribution::Word;
+    use crate::attribution::{Point, Word};
 
     #[test]
     fn a_report_without_a_diagnosis_has_the_keys_of_one_with() {
@@ -404,6 +430,8 @@ mod tests {
             gap: Vec::new(),
             remaining: Vec::new(),
             remarks: Vec::new(),
+            side: None,
+            point: Point::default(),
         });
         let with = json!(report);
         let keys = |report: &Value| report.as_object().unwrap().keys().cloned().collect::<Vec<_>>();

@@ -118,6 +118,39 @@ impl Deviation {
         let any = |series: [Series; 3]| series.iter().any(|series| !series.time_s.is_empty()).then_some(series);
         Ok(Self { tip: None, joints: any(joints), torque: any(torque) })
     }
+
+    /// Takes it off a recording, whose times `to_own` turns into its own. Where it is not known the recording then has nothing.
+    pub fn take_off(&self, recording: &mut Recording, to_own: &dyn Fn(f64) -> f64, covered: &dyn Fn(f64) -> bool) {
+        let start = recording.start;
+        for tip in recording.tip.iter_mut().filter(|tip| tip.status == TipStatus::Seen) {
+            let stamp_s = to_own(tip.stamp.seconds_since(start));
+            match self.tip.as_ref().and_then(|series| series.at(stamp_s)) {
+                Some((away, covariance)) => {
+                    tip.position_m -= away;
+                    tip.covariance_m2 += covariance;
+                }
+                None => tip.status = TipStatus::Occluded,
+            }
+        }
+        if let Some(series) = recording.joint_encoders.as_mut() {
+            let away = |j: usize, time_s: f64| Some(self.joints.as_ref()?.get(j)?.held(to_own(time_s))).filter(|_| covered(time_s));
+            subtract(&series.time_s, &mut series.position, &away);
+        }
+        if let Some(JointSeries { time_s, effort, .. }) = recording.motor.as_mut() {
+            *effort = effort.take().zip(self.torque.as_ref()).map(|(mut effort, torque)| {
+                // Near rest torque says nothing of either: what is known before and after stands in, for the other joints' sake.
+                subtract(time_s, &mut effort, &|j, time_s| covered(time_s).then(|| torque[j].held(to_own(time_s))));
+                effort
+            });
+        }
+    }
+}
+
+/// Takes `away` off `values[joint][sample]`; NaN where it is not known.
+fn subtract(time_s: &[f64], values: &mut [Vec<f64>], away: &dyn Fn(usize, f64) -> Option<f64>) {
+    for (j, values) in values.iter_mut().enumerate().take(3) {
+        values.iter_mut().zip(time_s).for_each(|(value, &t)| *value -= away(j, t).unwrap_or(f64::NAN));
+    }
 }
 
 /// Near rest the direction of friction is in doubt, and with it what the model needs and how far its cables stretch.
@@ -130,7 +163,7 @@ fn push_counted(torque: &mut [Series; 3], time_s: f64, lacking: &Vector3<f64>, w
 }
 
 /// A simulation that logs its joints and no tip has the tip where the kinematics of the robot file have it, seen as images would show it.
-fn with_tips(robot: &Robot, simulated: &Recording) -> Result<Recording> {
+pub(super) fn with_tips(robot: &Robot, simulated: &Recording) -> Result<Recording> {
     let mut simulated = simulated.clone();
     if let (true, Some(joints)) = (simulated.tip.is_empty(), simulated.joint_encoders.clone()) {
         let arm = robot.arm()?;

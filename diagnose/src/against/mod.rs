@@ -19,8 +19,9 @@ mod deviation;
 mod shift;
 #[cfg(test)]
 mod tests;
+mod turned;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use raven::camera::Cameras;
 use raven::effects::Stage;
@@ -30,10 +31,12 @@ use raven::stats::rms;
 use raven::{Error, Result};
 use serde::Serialize;
 
+use crate::attribution::Side;
 use crate::evidence::recorded::bench::Signs;
 use crate::gap::Gap;
 use crate::whereabouts::Channel;
 use deviation::Deviation;
+pub use turned::{stronger, turned_about};
 
 /// What recordings were held against, and how large the gap is.
 #[derive(Debug, Clone, Serialize)]
@@ -42,6 +45,8 @@ pub struct Against {
     pub simulations: Vec<Simulation>,
     /// Real less simulated.
     pub gap: Vec<ChannelGap>,
+    /// Which of the two has the effects that are named; nothing where causes were not looked for.
+    pub effects_of: Option<Side>,
 }
 
 /// One simulation.
@@ -77,39 +82,39 @@ pub struct ChannelGap {
     pub observations: usize,
 }
 
-/// Puts recordings right by what their simulations depart from the model.
+/// The simulations of recordings.
 ///
 /// # Errors
-/// If there is not one simulation per recording, one cannot be read, its motors do not follow the recording's, or both have nothing in
-/// common.
-pub fn compare(
-    robot: &Robot,
-    cameras: Option<&Cameras>,
-    recordings: &[Recording],
-    simulated: &[PathBuf],
-) -> Result<(Vec<Recording>, Vec<Simulation>)> {
+/// If there is not one per recording, or one cannot be read.
+pub fn read(robot: &Robot, recordings: &[Recording], simulated: &[PathBuf]) -> Result<Vec<Recording>> {
     let (count, given) = (recordings.len(), simulated.len());
     if count != given {
         return Err(Error::Argument(format!("--against is given {given} times for {count} recordings; give it once per recording.")));
     }
-    let one = |(real, path): (&Recording, &PathBuf)| corrected(robot, cameras, real, &Recording::of_robot(path, robot)?, path);
+    simulated.iter().map(|path| Recording::of_robot(path, robot)).collect()
+}
+
+/// Puts recordings right by what their simulations depart from the model.
+///
+/// # Errors
+/// If a simulation's motors do not follow the recording's, or both have nothing in common.
+pub fn compare(
+    robot: &Robot,
+    cameras: Option<&Cameras>,
+    recordings: &[Recording],
+    simulated: &[Recording],
+) -> Result<(Vec<Recording>, Vec<Simulation>)> {
+    let one = |(real, simulated): (&Recording, &Recording)| corrected(robot, cameras, real, simulated);
     Ok(recordings.iter().zip(simulated).map(one).collect::<Result<Vec<_>>>()?.into_iter().unzip())
 }
 
-fn corrected(
-    robot: &Robot,
-    cameras: Option<&Cameras>,
-    real: &Recording,
-    simulated: &Recording,
-    path: &Path,
-) -> Result<(Recording, Simulation)> {
+fn corrected(robot: &Robot, cameras: Option<&Cameras>, real: &Recording, simulated: &Recording) -> Result<(Recording, Simulation)> {
     let (motors, own) = (real.require_motor()?, simulated.require_motor()?);
     let recording = real.path.display().to_string();
-    let refused = |why: String| Error::file(path, format!("cannot be held against {recording}: {why}."));
+    let refused = |why: String| Error::file(&simulated.path, format!("cannot be held against {recording}: {why}."));
     let found = shift::shift(robot, motors, own).map_err(refused)?;
     let to_own = |time_s: f64| time_s - found.shift_s;
     let covered = |time_s: f64| own.time_s.first().zip(own.time_s.last()).is_some_and(|(a, b)| (*a..=*b).contains(&to_own(time_s)));
-    let mut put_right = real.clone();
     let signs = match robot.kinematics {
         KinematicsKind::Bench => Signs::of(robot, std::slice::from_ref(real))?,
         KinematicsKind::Raven(_) => Vec::new(),
@@ -118,30 +123,10 @@ fn corrected(
         KinematicsKind::Bench => Deviation::of_bench(robot, simulated, &signs)?,
         KinematicsKind::Raven(_) => Deviation::of_arm(robot, cameras, simulated)?,
     };
-    for tip in put_right.tip.iter_mut().filter(|tip| tip.status == TipStatus::Seen) {
-        let stamp_s = to_own(tip.stamp.seconds_since(real.start));
-        match deviation.tip.as_ref().and_then(|series| series.at(stamp_s)) {
-            Some((away, covariance)) => {
-                tip.position_m -= away;
-                tip.covariance_m2 += covariance;
-            }
-            // Beyond the simulation's ends or where it saw nothing there is nothing to hold it against.
-            None => tip.status = TipStatus::Occluded,
-        }
-    }
-    if let Some(series) = put_right.joint_encoders.as_mut() {
-        let away = |j: usize, time_s: f64| Some(deviation.joints.as_ref()?.get(j)?.held(to_own(time_s))).filter(|_| covered(time_s));
-        subtract(&series.time_s, &mut series.position, &away);
-    }
+    let mut put_right = real.clone();
+    deviation.take_off(&mut put_right, &to_own, &covered);
     if deviation.joints.is_none() && matches!(robot.kinematics, KinematicsKind::Bench) {
         put_right.joint_encoders = None;
-    }
-    if let Some(JointSeries { time_s, effort, .. }) = put_right.motor.as_mut() {
-        *effort = effort.take().zip(deviation.torque.as_ref()).map(|(mut effort, torque)| {
-            // Near rest torque says nothing of either: what is known before and after stands in, for the other joints' sake.
-            subtract(time_s, &mut effort, &|j, time_s| covered(time_s).then(|| torque[j].held(to_own(time_s))));
-            effort
-        });
     }
     let anything = put_right.tip.iter().any(|tip| tip.status == TipStatus::Seen)
         || put_right.joint_encoders.as_ref().is_some_and(|_| deviation.joints.is_some())
@@ -151,7 +136,7 @@ fn corrected(
         return Err(refused(why.to_owned()));
     }
     let simulation = Simulation {
-        file: path.display().to_string(),
+        file: simulated.path.display().to_string(),
         recording: recording.clone(),
         shift_s: real.start.seconds_since(simulated.start) + found.shift_s,
         agreement: found.agreement,
@@ -159,13 +144,6 @@ fn corrected(
         motors: apart(robot, motors, own, found.shift_s),
     };
     Ok((put_right, simulation))
-}
-
-/// Takes `away` off `values[joint][sample]`; NaN where it is not known.
-fn subtract(time_s: &[f64], values: &mut [Vec<f64>], away: &dyn Fn(usize, f64) -> Option<f64>) {
-    for (j, values) in values.iter_mut().enumerate().take(3) {
-        values.iter_mut().zip(time_s).for_each(|(value, &t)| *value -= away(j, t).unwrap_or(f64::NAN));
-    }
 }
 
 /// How far the motors were apart, as far as it matters at the joints, in the joints' units.
@@ -209,7 +187,7 @@ impl Against {
         let mut gap: Vec<ChannelGap> = gaps.iter().map(of_model).collect();
         gap.extend(channels.iter().filter(|channel| channel.stage == Stage::Motor && channel.horizon_s.is_none()).filter_map(of_torque));
         gap.extend(robot.joints.iter().enumerate().take(3).filter_map(of_motor));
-        Self { simulations, gap }
+        Self { simulations, gap, effects_of: None }
     }
 
     /// Clocks and gap as a terminal shows them.
@@ -231,14 +209,17 @@ impl Against {
         text
     }
 
-    /// What "the model" is in an attribution.
-    #[must_use]
-    pub fn remark(&self) -> String {
+    /// Takes note of which side has what is named, and says what it was added to.
+    pub fn remark(&mut self, side: Side) -> String {
+        self.effects_of = Some(side);
         let files: Vec<&str> = self.simulations.iter().map(|simulation| simulation.file.as_str()).collect();
-        format!(
-            "The model here is {}, with effects added to its output as the robot file's model has them: what is named, the robot has and \
-             the simulation lacks.",
-            files.join(", ")
-        )
+        let files = files.join(", ");
+        match side {
+            Side::Robot => format!("The model here is {files}, with effects added to its output as the robot file's model has them."),
+            Side::Simulation => format!(
+                "The gap to {files} is turned about here, simulated less real: what is named is added to the robot file's model as the simulation \
+                 has it beyond the robot. Added to the simulation, what the robot may have beyond it explains clearly less."
+            ),
+        }
     }
 }

@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::{Args, run};
 use clap::Parser;
 
-const SECONDS: f64 = 30.0;
+const SECONDS: f64 = 20.0;
 
 /// Records an arm with something hidden; stamps begin at `start_s`.
 fn record(folder: &Path, name: &str, motion: Motion, hidden: &[&str], start_s: f64) -> PathBuf {
@@ -76,7 +76,7 @@ fn what_a_simulation_lacks_is_named_whatever_its_clock() {
         assert_eq!(report["effects"][0]["joint"], "elbow");
         let size = report["effects"][0]["parameters"][0]["value"].as_f64().unwrap();
         assert!((size + 0.04).abs() < 0.004, "{size}");
-        assert!(words.contains("pulley-radius at the elbow") && words.contains("the simulation lacks"), "{words}");
+        assert!(words.contains("pulley-radius at the elbow") && words.contains("which the robot has and the simulation lacks"), "{words}");
         // The page has before and after, says what it was held against, and stays small.
         let page = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
         for part in ["class=\"line-before\"", "class=\"line-after\"", "simulation of"] {
@@ -86,6 +86,23 @@ fn what_a_simulation_lacks_is_named_whatever_its_clock() {
         let closed = report["gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "elbow").unwrap();
         assert!(closed["closed"].as_f64().unwrap() > 0.95, "{closed}");
     }
+}
+
+#[test]
+fn what_a_simulation_has_too_much_of_is_named_as_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let damped = ["cable-damping:elbow=5"];
+    let [real, simulated] =
+        [("real", &[][..]), ("simulated", &damped)].map(|(name, hidden)| record(folder.path(), name, Motion::Rich, hidden, 1e9));
+    let (report, words) = diagnosed(folder.path(), &real, &[&simulated], &nominal::gold(), false).unwrap();
+    assert_eq!(report["against"]["effects_of"], "simulation", "{words}");
+    assert!(words.contains("which the simulation has and the robot lacks"), "{words}");
+    let effects = report["effects"].as_array().unwrap();
+    assert_eq!((effects.len(), &effects[0]["id"], &effects[0]["joint"]), (1, &"cable-damping".into(), &"elbow".into()), "{words}");
+    let [value, std] = ["value", "std"].map(|key| effects[0]["parameters"][0][key].as_f64().unwrap());
+    assert!((value / 5.0 - 1.0).abs() < 0.2 && (value - 5.0).abs() < 4.0 * std, "{words}");
+    let page = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert!(page.contains("Take cable-damping at the elbow out of the simulation"));
 }
 
 #[test]
@@ -125,12 +142,12 @@ fn a_simulation_that_logs_joints_and_no_tip_serves_as_well() {
     let mut without_tip = with_tip.clone();
     without_tip.tip.clear();
     let elbow_rad = [&with_tip, &without_tip].map(|simulated| {
-        let (put_right, _) = super::corrected(&robot, None, &real, simulated, &simulated.path).unwrap();
+        let (put_right, _) = super::corrected(&robot, None, &real, simulated).unwrap();
         raven::stats::rms(&crate::residual::channels(&[put_right], &robot).unwrap()[0].joints[1].error).unwrap()
     });
     assert!((elbow_rad[1] / elbow_rad[0] - 1.0).abs() < 0.01, "{elbow_rad:?}");
     (without_tip.joint_encoders, without_tip.motor.as_mut().unwrap().effort) = (None, None);
-    let refused = super::corrected(&robot, None, &real, &without_tip, &without_tip.path).unwrap_err().to_string();
+    let refused = super::corrected(&robot, None, &real, &without_tip).unwrap_err().to_string();
     assert!(refused.contains("no channel in common"), "{refused}");
 }
 

@@ -30,13 +30,14 @@ use serde::Serialize;
 
 use self::channels::Sampled;
 use self::unknown::probability_of_none;
+use crate::evidence::fit::linear::dot;
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::coordinates::Coordinates;
 use crate::evidence::numbers::spread::{Departures, Spread};
 use crate::evidence::outcome::Outcome;
 use crate::evidence::recorded::bench::Bench;
 use crate::evidence::recorded::data::Data;
-use crate::evidence::recorded::rows::Rows;
+use crate::evidence::recorded::rows::{ALL, Links, Observed, Rows, Setting};
 
 /// The nominal model: what recordings are held against.
 #[derive(Debug, Clone)]
@@ -90,6 +91,30 @@ pub struct Attribution {
     pub remaining: Vec<Remaining>,
     /// What else there is to say.
     pub remarks: Vec<String>,
+    /// Where recordings were held against a simulation, which of the two has the effects.
+    #[serde(skip)]
+    pub side: Option<Side>,
+    /// Where the search ended, for another one to be held against.
+    #[serde(skip)]
+    pub point: Point,
+}
+
+/// Where the numbers of a model are best, with the effects that are named.
+#[derive(Debug, Clone, Default)]
+pub struct Point {
+    settings: Vec<Setting>,
+    /// Evidence with the prior of so many effects, but for the misfit [nat].
+    beside_misfit_nats: f64,
+}
+
+/// Which of a robot and its simulation has what the other lacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Side {
+    /// The robot.
+    Robot,
+    /// The simulation.
+    Simulation,
 }
 
 /// A cause.
@@ -259,6 +284,26 @@ pub fn when_told(nominal: &Nominal, recordings: &[Recording], effects: &[(&str, 
     fitted(&reweighted)?.map(|again| closed(&reweighted, again)).transpose()
 }
 
+/// Evidence, with their priors, of two searches that each had their own readings of an arm on the same path [nat]. Samples count the same for both: those
+/// near rest as the one with more friction has them.
+///
+/// # Errors
+/// As [`attribute`].
+pub fn evidence_of_both(nominal: &Nominal, both: [(&[Recording], &Point); 2]) -> Result<[f64; 2]> {
+    let Nominal { robot, cameras, .. } = nominal;
+    let evidence = |(recordings, own): (&[Recording], &Point)| {
+        let data = data(recordings, *cameras)?;
+        let mut rows = Rows::new(robot, *cameras, &data)?;
+        for (_, point) in both {
+            rows = rows.reweighted(&point.settings)?.unwrap_or(rows);
+        }
+        let left = rows.residuals(&own.settings, Links::RolledOut, &ALL)?;
+        Ok(own.beside_misfit_nats - 0.5 * dot(&left, &left))
+    };
+    let [one, other] = both;
+    Ok([evidence(one)?, evidence(other)?])
+}
+
 /// The hypothesis whose effects are named: the most probable with any, together with those that no recording can tell from it, where effects that
 /// show are more probable together than none. That their sizes are beyond what sizes scatter by, family-wise, has been asked of them besides.
 fn named<'a>(outcome: &'a Outcome, sited: &[Sited], probabilities: &[(Vec<usize>, f64)]) -> Option<&'a Hypothesis> {
@@ -334,6 +379,11 @@ fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(Attribution
         gap: Vec::new(),
         remaining: Vec::new(),
         remarks: Vec::new(),
+        side: None,
+        point: Point {
+            settings: fitter.coordinates.settings(&closing.u),
+            beside_misfit_nats: outcome.score(closing, closing.evidence) + 0.5 * dot(&closing.residuals, &closing.residuals),
+        },
     };
     Ok((attribution, closing))
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use raven::plot::svg::figure;
 
-use super::{Attribution, Blamed, Candidate, Closure, Detectable, Estimate, FileNumber, Tied, Word};
+use super::{Attribution, Blamed, Candidate, Closure, Detectable, Estimate, FileNumber, Side, Tied, Word};
 
 /// Candidates that a terminal shows.
 const SHOWN: usize = 5;
@@ -24,8 +24,9 @@ pub fn sentence(attribution: &Attribution) -> String {
     let causes: Vec<String> = attribution.effects.iter().map(|effect| cause(effect, attribution)).collect();
     match attribution.verdict {
         Word::None => format!(
-            "No effect is needed: the model explains these recordings within the tolerances of its numbers.{} That there is one all the same, too \
+            "No effect is needed: the {} explains these recordings within the tolerances of its numbers.{} That there is one all the same, too \
              small to show here, has probability {:.2}.",
+            held_against(attribution),
             attribution.leading().map_or_else(String::new, leads),
             attribution.probability_too_small
         ),
@@ -36,11 +37,13 @@ pub fn sentence(attribution: &Attribution) -> String {
                 String::new()
             };
             let hardly = hardly_seen(attribution);
-            format!("The gap is explained by {}; what is left looks like noise.{hardly}{doubt}", causes.join(" and "))
+            let whose = whose(attribution);
+            format!("The gap is explained by {}{whose}; what is left looks like noise.{hardly}{doubt}", causes.join(" and "))
         }
         Word::PartlyExplained => format!(
-            "The gap is explained in part by {}, {} of the misfit; something reproducible remains, and what is named {}.{}",
+            "The gap is explained in part by {}{}, {} of the misfit; something reproducible remains, and what is named {}.{}",
             causes.join(" and "),
+            whose(attribution),
             short_of_all(attribution.misfit_accounted.unwrap_or(0.0)),
             may_stand_in(attribution),
             hardly_seen(attribution)
@@ -49,13 +52,28 @@ pub fn sentence(attribution: &Attribution) -> String {
             let file = attribution.file_numbers.first().map_or_else(String::new, |worst| {
                 let count = attribution.file_numbers.len();
                 let what = at(worst.id, worst.joint.as_deref());
-                format!(
-                    " The file has numbers that are off by more than it allows, {count} of them; {what} is by {:.0} tolerances.",
-                    worst.tolerances.abs()
-                )
+                let numbers = match attribution.side {
+                    None => "The file has numbers that are off by more than it allows",
+                    Some(_) => "Robot and simulation would have numbers further apart than the file allows",
+                };
+                format!(" {numbers}, {count} of them; {what} is by {:.0} tolerances.", worst.tolerances.abs())
             });
             format!("There is a gap that nothing in the library accounts for.{file}")
         }
+    }
+}
+
+/// What recordings are held against.
+fn held_against(attribution: &Attribution) -> &'static str {
+    attribution.side.map_or("model", |_| "simulation")
+}
+
+/// Which of robot and simulation has what is named.
+fn whose(attribution: &Attribution) -> &'static str {
+    match attribution.side {
+        None => "",
+        Some(Side::Robot) => ", which the robot has and the simulation lacks",
+        Some(Side::Simulation) => ", which the simulation has and the robot lacks",
     }
 }
 
@@ -195,8 +213,9 @@ pub fn words(attribution: &Attribution) -> String {
         let effects = if attribution.effects.is_empty() { "" } else { ", with the effects" };
         let _ = writeln!(
             text,
-            "\nThe model with the file{effects}, and retuned: with the file's own numbers moved against their tolerances as well; each as found \
-             on other parts of the recordings (rms)"
+            "\nThe {}{effects}, and retuned: with the file's own numbers moved against their tolerances as well; each as found on other parts \
+             of the recordings (rms)",
+            if attribution.side.is_some() { "simulation" } else { "model with the file" }
         );
         let _ = writeln!(
             text,
@@ -206,16 +225,23 @@ pub fn words(attribution: &Attribution) -> String {
         attribution.gap.iter().for_each(|gap| row(&mut text, gap));
         let worse: Vec<&str> = attribution.gap.iter().filter(|gap| grows(gap)).map(|gap| gap.channel.as_str()).collect();
         if !worse.is_empty() {
+            let then = match attribution.side {
+                None => " Put right what is named, and then identify the file's numbers beside it (`raven-identify`).",
+                Some(_) => "",
+            };
             let _ = writeln!(
                 text,
-                "At the {}, numbers of the file make up for what is named: with it alone the gap grows. Put right what is named, and then \
-                 identify the file's numbers beside it (`raven-identify`).",
+                "At the {}, numbers of the file make up for what is named: with it alone the gap grows.{then}",
                 worse.join(" and the ")
             );
         }
     }
     if !attribution.file_numbers.is_empty() {
-        let _ = writeln!(text, "\nNumbers of the file that are off by more than it allows, and by how many of their tolerances");
+        let numbers = match attribution.side {
+            None => "Numbers of the file that are off by more than it allows",
+            Some(_) => "Numbers that robot and simulation have apart by more than the file allows",
+        };
+        let _ = writeln!(text, "\n{numbers}, and by how many of their tolerances");
     }
     attribution.file_numbers.iter().for_each(|of| {
         let _ = writeln!(text, "{:>6.1}  {}", of.tolerances, off(of));
@@ -280,7 +306,7 @@ fn closed(gap: &Closure) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attribution::{Retuned, detectable};
+    use crate::attribution::{Point, Retuned, detectable};
     use crate::evidence::fit::Fitter;
     use crate::evidence::numbers::coordinates::Coordinates;
     use crate::evidence::numbers::spread::Spread;
@@ -331,6 +357,8 @@ mod tests {
             gap: vec![gap],
             remaining: Vec::new(),
             remarks: Vec::new(),
+            side: None,
+            point: Point::default(),
         }
     }
 

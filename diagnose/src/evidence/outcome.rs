@@ -66,7 +66,7 @@ impl Outcome {
     }
 
     /// Evidence of a hypothesis whose effects are beyond their scatter, with its prior [nat].
-    pub(super) fn score(&self, hypothesis: &Hypothesis, evidence: f64) -> f64 {
+    pub(crate) fn score(&self, hypothesis: &Hypothesis, evidence: f64) -> f64 {
         evidence + prior::log_beyond_scatter(hypothesis.effects.len(), self.effects)
     }
 

@@ -7,7 +7,7 @@ use raven::effects::{Effect, Home, at_place};
 use raven::robot::Robot;
 
 use super::{Candidate, Detectable, GapBar, Page, remaining};
-use crate::attribution::{Attribution, Blamed, FileNumber, Remaining, at, off, sentence, size, tied, together};
+use crate::attribution::{Attribution, Blamed, FileNumber, Remaining, Side, at, off, sentence, size, tied, together};
 
 /// Files of a diagnosis, as they were typed.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +55,11 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
             page.next_steps.push(format!("To tell {this} from {other}: {}.", tie.separate_by));
         }
     }
-    page.next_steps.extend(put_in(&attribution.effects, robot, files));
+    page.next_steps.extend(match attribution.side {
+        None => put_in(&attribution.effects, robot, files),
+        Some(side) => change_simulation(side, &attribution.effects),
+    });
+    page.is_against = attribution.side.is_some();
     let file_number = |of: &FileNumber| format!("{}, {:.1} of its tolerances off.", off(of), of.tolerances.abs());
     page.file_numbers = attribution.file_numbers.iter().map(file_number).collect();
     page.tolerance_parts = attribution.tolerance_parts.parts().map(|(kind, part)| (kind.to_owned(), part)).collect();
@@ -63,6 +67,21 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
     page.detectable =
         detectable.map(|least| Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: size(least) }).collect();
     page.not_observable = attribution.not_observable.iter().map(|none| (none.id.to_owned(), none.because.clone())).collect();
+}
+
+/// What brings a simulation closer to the robot.
+fn change_simulation(side: Side, effects: &[Blamed]) -> Vec<String> {
+    let names: Vec<String> = effects.iter().map(|effect| at(effect.id, effect.joint.as_deref())).collect();
+    let names = names.join(" and ");
+    let step = match side {
+        Side::Robot => format!("Add {names} to the simulation"),
+        Side::Simulation => format!("Take {names} out of the simulation"),
+    };
+    if effects.is_empty() {
+        Vec::new()
+    } else {
+        vec![format!("{step}, with the numbers above; then simulate the recording again and look again.")]
+    }
 }
 
 /// How what is named gets into the files: into the robot file by one command, into the camera file by a calibration.

@@ -37,7 +37,7 @@ pub fn html(page: &Page) -> String {
             page.traces.iter().enumerate().map(|(k, trace)| figure_of(&traces::trace(k, trace))).collect()
         }),
         section("What cannot be told apart", "", page.ties.is_empty(), || list("ul", &page.ties)),
-        section("What the robot file has wrong", "", page.file_numbers.is_empty(), || list("ul", &page.file_numbers)),
+        section(file_numbers_are(page), "", page.file_numbers.is_empty(), || list("ul", &page.file_numbers)),
         section("What counts of the file's tolerances", "", page.tolerance_parts.is_empty(), || tolerance_parts(&page.tolerance_parts)),
         section("What to do next", "", page.next_steps.is_empty(), || list("ol", &page.next_steps)),
         section("What could have been seen", "", page.detectable.is_empty() && page.not_observable.is_empty(), || sensitivity(page)),
@@ -45,6 +45,10 @@ pub fn html(page: &Page) -> String {
     ]
     .concat();
     document(&format!("{} - diagnosis", page.title), STYLE, &body)
+}
+
+fn file_numbers_are(page: &Page) -> &'static str {
+    if page.is_against { "What robot and simulation have apart" } else { "What the robot file has wrong" }
 }
 
 fn header(page: &Page) -> String {

@@ -42,7 +42,9 @@ pub struct Page {
     pub phases: Vec<PhaseBars>,
     /// Causes that this recording cannot tell apart, in sentences.
     pub ties: Vec<String>,
-    /// Numbers of the robot file that are off, in words.
+    /// Whether recordings were held against simulations.
+    pub is_against: bool,
+    /// Numbers of the robot file that are off, or that robot and simulation have apart, in words.
     pub file_numbers: Vec<String>,
     /// What part of the robot file's tolerances counts, by the kind of effect its numbers would be.
     pub tolerance_parts: Vec<(String, f64)>,

@@ -83,6 +83,7 @@ pub fn sample() -> Page {
             "pulley-radius and the radius of the motor's capstan are one number to motors and tip: no recording tells them apart."
                 .to_owned(),
         ],
+        is_against: false,
         file_numbers: vec!["motor-coulomb-friction at the elbow: factor 0.62 +- 0.05, 3.1 of its tolerances off.".to_owned()],
         tolerance_parts: vec![("joint-offset".to_owned(), 0.52), ("tool-length".to_owned(), 0.31)],
         next_steps: vec![
