@@ -1,13 +1,14 @@
 //! The smallest size of each effect that recordings could have shown, and how probable it is that one is there and too small for them.
 //!
-//! With an effect's slope `s` projected off the other numbers of the nominal model, `S = s's - s'J (J'J + L)^-1 J's`, a size of `u` slabs is found
-//! with the variance `1/S`. Where it is `N(0, t^2)` in the nominal model, the effect raises the evidence on average by
+//! What a size of `u` slabs changes, over `u` and projected off the other numbers of the nominal model, is `s`; with `S = s's - s'J (J'J + L)^-1 J's` the
+//! size is found with the variance `1/S`. Where it is `N(0, t^2)` in the nominal model, the effect raises the evidence on average by
 //!
 //! ```text
 //! ((u^2 + 1/S) (1/(1/S + t^2) - 1/(1/S + 1)) + ln((1 + S t^2) / (1 + S))) / 2
 //! ```
 //!
-//! and by what sizes are believed to be ([`sizes`]). An effect that has nothing but a shape changes `d_k` at `u_k`, weights `w_k` of `N(0, 1)`;
+//! and by what sizes are believed to be ([`sizes`]). `S` goes by `u`: play that friction takes up does nothing, and a stiff cable cannot
+//! stretch less than none. It is taken where the smallest size is. An effect that has nothing but a shape changes `d_k` at `u_k`, weights `w_k` of `N(0, 1)`;
 //! where `u_k` is true the evidence rises, but for chance, by
 //!
 //! ```text
@@ -73,6 +74,9 @@ const BORNE: f64 = 3.0;
 /// Sizes are tried by this factor, from so many slabs on.
 const TRIED: f64 = 1.02;
 const LEAST: f64 = 1e-3;
+/// What a size changes is known well enough from one that is off by no more than this factor, and after so many others at the latest.
+const CLOSE: f64 = 1.1;
+const STEPS_MAX: usize = 10;
 /// Shapes are tried so far from their middle, at so many places.
 const REACH: f64 = 2.5;
 const SHAPES: usize = 11;
@@ -99,10 +103,14 @@ impl Smallest {
             let place = joint.map_or_else(String::new, |joint| format!(" at the {joint}"));
             return Err(NotObservable { id, because: format!("no size that is to be expected{place} would have shown") });
         }
-        let side = if matches!(parameter.scale, Scale::Factor { above: Above::Seldom, .. }) { -1.0 } else { 1.0 };
-        let size = parameter.value(side * self.u, sited.measure);
+        let size = parameter.value(side(parameter.scale) * self.u, sited.measure);
         Ok(Detectable { id, joint, size, unit: parameter.unit_at(sited.measure).to_owned(), scale: parameter.scale })
     }
+}
+
+/// On which side of the nominal model an effect is looked for.
+fn side(scale: Scale) -> f64 {
+    if matches!(scale, Scale::Factor { above: Above::Seldom, .. }) { -1.0 } else { 1.0 }
 }
 
 pub(super) fn smallest(fitter: &Fitter, outcome: &Outcome) -> Result<Vec<Smallest>> {
@@ -152,10 +160,35 @@ impl<'a> Without<'a> {
         let sizes: Vec<usize> = coordinates.sizes(effect).collect();
         let Some(&coordinate) = sizes.first() else { return self.smallest_shape(effect, odds) };
         let spike = coordinates.all[coordinate].spike.map_or(0.0, |t| t.powi(2));
-        let Some(information) = self.information(effect, coordinate, &[1.0])? else { return Ok(None) };
-        let shown = |wanted: f64| smallest_shown(information[(0, 0)].max(0.0), spike, sizes.len(), wanted);
-        let part_unseen = part_unseen(shown(odds), spike, sizes.len());
-        Ok(Some(Smallest { effect, coordinate, u: shown(odds + SURE_NATS), part_unseen }))
+        let scale = coordinates.parameter(coordinate).scale;
+        let [least, largest] = scale.limits_u();
+        let of_size = |u: f64| {
+            let information = self.information(effect, coordinate, &[(side(scale) * u).clamp(least, largest)])?;
+            Ok(information.map(|information| information[(0, 0)].max(0.0) / u.powi(2)))
+        };
+        let Some(of_slab) = of_size(1.0)? else { return Ok(None) };
+        let mut information = Information(vec![(1.0, of_slab)]);
+        let mut shown = |wanted: f64| -> Result<f64> {
+            let by = |information: &dyn Fn(f64) -> f64| smallest_shown(information, spike, sizes.len(), wanted);
+            let mut steps = 0;
+            loop {
+                let u = by(&|u| information.at(u));
+                // Where no size shows by what is known, the largest does if any.
+                let mut tried = u.min(largest_tried(sizes.len()));
+                // What is near may be known to change nothing, and what is a little larger not be known at all.
+                let is_sure = |near: f64| u.is_infinite() || by(&|_| near) <= CLOSE.powi(2) * u;
+                if steps == STEPS_MAX || information.near(tried).is_some_and(is_sure) {
+                    return Ok(u);
+                }
+                if steps % 2 == 1 {
+                    tried = information.middle(tried);
+                }
+                information.learn(tried, of_size(tried)?.unwrap_or(0.0));
+                steps += 1;
+            }
+        };
+        let sure = shown(odds + SURE_NATS)?;
+        Ok(Some(Smallest { effect, coordinate, u: sure, part_unseen: part_unseen(shown(odds)?, spike, sizes.len()) }))
     }
 
     /// Of an effect that has nothing but a shape, and does less the larger that is.
@@ -191,8 +224,11 @@ impl<'a> Without<'a> {
         let mut u = self.none.u.clone();
         coordinates.of(effect).filter(|&c| matches!(coordinates.parameter(c).scale, Scale::Moment)).for_each(|c| u[c] = 0.5);
         u[coordinate] = if u[coordinate] == ABSENT { value } else { u[coordinate] + value };
-        let (links, here) =
-            if self.fitter.shows_in_swings(effect) { (Links::RolledOut, &self.none.residuals) } else { (Links::Settled, &self.settled) };
+        let (links, here) = if self.fitter.shows_in_swings(effect) || self.fitter.followed(effect).is_some() {
+            (Links::RolledOut, &self.none.residuals)
+        } else {
+            (Links::Settled, &self.settled)
+        };
         let channels = self.fitter.channels_of(effect, links);
         let residuals = rows.residuals(&coordinates.settings(&u), links, channels)?;
         let tip_rows = rows.tip_rows();
@@ -202,12 +238,51 @@ impl<'a> Without<'a> {
     }
 }
 
-/// The smallest size in slabs, of one that is to be expected, that raises the evidence by `wanted` where it is found with `information`; with a
-/// variance of `spike` in the nominal model, and as one of `n` sizes.
-fn smallest_shown(information: f64, spike: f64, n: usize, wanted: f64) -> f64 {
-    let root = (n as f64).sqrt();
-    let mut tried = std::iter::successors(Some(LEAST), |u| Some(u * TRIED)).take_while(|u| *u < sizes::largest() * root);
-    let shows = |u: &f64| raised_if_normal(*u, information, spike) + sizes::ln_ratio(*u / root, n) > wanted;
+/// What is known of `S` by size, in rising order.
+struct Information(Vec<(f64, f64)>);
+
+impl Information {
+    /// Between sizes that are known as a power of the size, and beyond them as at the next.
+    fn at(&self, u: f64) -> f64 {
+        let after = self.0.partition_point(|(known, _)| *known < u);
+        let [before, after] = [after.checked_sub(1).map(|k| self.0[k]), self.0.get(after).copied()];
+        match (before, after) {
+            (Some((u0, s0)), Some((u1, s1))) if s0.min(s1) > 0.0 => s0 * (s1 / s0).powf((u / u0).ln() / (u1 / u0).ln()),
+            (Some((u0, s0)), Some((u1, s1))) => s0 + (s1 - s0) * (u - u0) / (u1 - u0),
+            (Some((_, s)), None) | (None, Some((_, s))) => s,
+            (None, None) => 0.0,
+        }
+    }
+
+    /// That of a size that is close.
+    fn near(&self, u: f64) -> Option<f64> {
+        let off = |(known, _): &(f64, f64)| (known / u).ln().abs();
+        self.0.iter().filter(|known| off(known) <= CLOSE.ln()).min_by(|a, b| off(a).total_cmp(&off(b))).map(|(_, s)| *s)
+    }
+
+    /// The geometric mean of the two known sizes that one lies between: where little is changed from some size on, the way there is short.
+    fn middle(&self, u: f64) -> f64 {
+        let after = self.0.partition_point(|(known, _)| *known < u);
+        let beside = after.checked_sub(1).and_then(|k| self.0.get(k..k + 2));
+        beside.map_or(u, |pair| (pair[0].0 * pair[1].0).sqrt())
+    }
+
+    fn learn(&mut self, u: f64, information: f64) {
+        let at = self.0.partition_point(|(known, _)| *known < u);
+        self.0.insert(at, (u, information));
+    }
+}
+
+/// The largest size that is tried [slabs].
+fn largest_tried(n: usize) -> f64 {
+    sizes::largest() * (n as f64).sqrt()
+}
+
+/// The smallest size in slabs, of one that is to be expected, that raises the evidence by `wanted` where it is found with the `information` of its
+/// size; with a variance of `spike` in the nominal model, and as one of `n` sizes.
+fn smallest_shown(information: &dyn Fn(f64) -> f64, spike: f64, n: usize, wanted: f64) -> f64 {
+    let mut tried = std::iter::successors(Some(LEAST), |u| Some(u * TRIED)).take_while(|u| *u < largest_tried(n));
+    let shows = |u: &f64| raised_if_normal(*u, information(*u), spike) + sizes::ln_ratio(*u / (n as f64).sqrt(), n) > wanted;
     tried.find(shows).unwrap_or(f64::INFINITY)
 }
 
@@ -320,6 +395,30 @@ mod tests {
     }
 
     #[test]
+    fn what_small_sizes_do_not_change_would_not_have_shown() {
+        let rows = Seen::new(&[("backlash", [1, 0])], |numbers: &[Option<&[f64]>], _| {
+            tips(|k| -9.0 * k.sin() * numbers[0].map_or(0.0, |u| (u[0] - 0.5).max(0.0)))
+        });
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let none = fitter.fit(&[], &fitter.nowhere(), None).unwrap().unwrap();
+        let smallest = smallest(&fitter, &Outcome::begun(none, 1)).unwrap();
+        assert!((0.5..0.7).contains(&smallest[0].u), "{}", smallest[0].u);
+    }
+
+    #[test]
+    fn information_is_a_power_of_the_size_between_those_that_are_known() {
+        let mut information = Information(vec![(1.0, 9.0)]);
+        information.learn(0.01, 0.09);
+        assert_relative_eq!(information.at(0.1), 0.9, epsilon = 1e-12);
+        assert_eq!([0.001, 5.0].map(|u| information.at(u)), [0.09, 9.0]);
+        assert_eq!([0.0105, 0.1].map(|u| information.near(u)), [Some(0.09), None]);
+        assert_relative_eq!(information.middle(0.03), 0.1, epsilon = 1e-12);
+        information.learn(0.1, 0.0);
+        assert_relative_eq!(information.at(0.055), 0.045, epsilon = 1e-12);
+    }
+
+    #[test]
     fn a_cable_that_would_have_shown_is_a_soft_one() {
         let rows = Seen::new(&[("cable-stretch", [1, 0])], |_: &[Option<&[f64]>], _| tips(|k| k.sin()));
         let coordinates = Coordinates::new(&rows.robot, &rows);
@@ -343,10 +442,10 @@ mod tests {
     #[test]
     fn a_number_within_its_tolerances_does_not_show() {
         // However well it is measured: a tenth of a slab is its tolerance.
-        let shown = smallest_shown(1e9, 0.01, 1, 5.0);
+        let shown = smallest_shown(&|_| 1e9, 0.01, 1, 5.0);
         assert!((0.3..0.6).contains(&shown), "{shown}");
-        assert!(smallest_shown(1e9, 0.0, 1, 5.0) < 0.05);
-        assert_eq!(smallest_shown(0.0, 0.0, 1, 5.0), f64::INFINITY);
+        assert!(smallest_shown(&|_| 1e9, 0.0, 1, 5.0) < 0.05);
+        assert_eq!(smallest_shown(&|_| 0.0, 0.0, 1, 5.0), f64::INFINITY);
         assert_eq!(part_unseen(0.3, 0.01, 1), 0.0);
         assert_relative_eq!(part_unseen(0.8, 0.0, 1), 0.5, epsilon = 1e-9);
         assert_relative_eq!(part_unseen(f64::INFINITY, 0.01, 1), 1.0);
