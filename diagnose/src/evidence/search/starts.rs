@@ -47,8 +47,8 @@ impl Fitter<'_> {
                 // Where the nominal model has borne it so far.
                 Scale::Offset(_) => &base[c..=c],
                 Scale::Part => &[0.5, 1.0],
-                Scale::Magnitude(_) if shaped => &[0.5, 1.5],
-                Scale::Magnitude(_) => &[0.15, 0.5, 1.5],
+                Scale::Magnitude(_) if shaped => &[0.05, 0.5, 1.5],
+                Scale::Magnitude(_) => &[0.04, 0.15, 0.5, 1.5],
                 Scale::Shape { .. } if alone && is_cheap => &fine,
                 Scale::Shape { .. } if alone => &[-2.5, -1.5, -0.5, 0.5, 1.5],
                 // A second shape is left to the fit.
