@@ -85,16 +85,16 @@ impl Fitter<'_> {
         Leftover::of(&hypothesis.residuals, self.rows.tip_rows())
     }
 
-    /// Part of what `none` leaves beyond noise, and strains its tolerances by, that a hypothesis accounts for; 0 where that is nothing.
+    /// Part of what `none` leaves beyond noise, and strains its tolerances by, that a hypothesis accounts for; 0 where that is nothing. What it makes good
+    /// counts below the stated noise too, which may be stated too large.
     #[must_use]
     pub fn accounted(&self, none: &Hypothesis, hypothesis: &Hypothesis) -> f64 {
-        let misfit = |h: &Hypothesis| {
-            let rows = h.residuals.iter().filter(|r| **r != 0.0).count() as f64;
-            let excess = (dot(&h.residuals, &h.residuals) - rows).max(0.0);
-            excess + h.free.iter().map(|&c| self.over_prior_squared(c, h.u[c], &h.effects)).sum::<f64>()
-        };
-        let of_none = misfit(none);
-        if of_none > 0.0 { 1.0 - misfit(hypothesis) / of_none } else { 0.0 }
+        let strain = |h: &Hypothesis| h.free.iter().map(|&c| self.over_prior_squared(c, h.u[c], &h.effects)).sum::<f64>();
+        let square = |h: &Hypothesis| dot(&h.residuals, &h.residuals);
+        let rows = hypothesis.residuals.iter().filter(|r| **r != 0.0).count() as f64;
+        let left = (square(hypothesis) - rows).max(0.0) + strain(hypothesis);
+        let made_good = (square(none) + strain(none) - square(hypothesis) - strain(hypothesis)).max(0.0);
+        if made_good > 0.0 { made_good / (made_good + left) } else { 0.0 }
     }
 
     /// Evidence of a hypothesis [nat] where variances are `leftover` times the stated ones, by its slopes where it was fitted: where numbers would
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
     use crate::evidence::numbers::coordinates::Coordinates;
     use crate::evidence::recorded::rows::Links;
-    use crate::evidence::tests::{Seen, tips};
+    use crate::evidence::tests::{Seen, fitted, tips};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
@@ -147,6 +147,22 @@ mod tests {
         let of_wandering = Leftover::of(&wandering, 6000);
         assert!((8.0..25.0).contains(&of_wandering.tip), "{of_wandering:?}");
     }
+
+    #[test]
+    fn what_is_accounted_for_is_a_part_whatever_noise_is_stated() {
+        let rows = Seen::new(&[("joint-offset", [0, 0])], |_: &[Option<&[f64]>], _| tips(f64::sin));
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let leaving =
+            |each: f64, offset: f64| Hypothesis { residuals: vec![each; 100], u: vec![offset], free: vec![0], ..fitted(vec![0], 0.0) };
+        let accounted = |none, hypothesis| fitter.accounted(&none, &hypothesis);
+        approx::assert_relative_eq!(accounted(leaving(2.0, 0.0), leaving(1.0, 0.0)), 1.0);
+        approx::assert_relative_eq!(accounted(leaving(3.0, 0.0), leaving(2.0, 0.0)), 500.0 / 800.0);
+        // Below it, an effect of three slabs makes good 30 where nothing but its own size is left.
+        approx::assert_relative_eq!(accounted(leaving(0.8, 0.0), leaving(0.5, 3.0)), 30.0 / 39.0, epsilon = 1e-12);
+        assert_eq!(accounted(leaving(0.5, 0.0), leaving(0.5, 3.0)), 0.0);
+    }
+
     /// Settled links promise tens of nats of what rolled-out ones do not show; the fit ends where it began.
     #[test]
     fn evidence_does_not_jump_where_something_begins_to_be_left() {
