@@ -1,6 +1,6 @@
 //! Pictures of the board: from files or from a log, searched on all cores, and put together in pairs.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use image::GrayImage;
@@ -52,11 +52,22 @@ const BATCH: usize = 32;
 /// Searches picture files, the left and right ones paired in order.
 ///
 /// # Errors
-/// If their numbers differ, or a file cannot be read or is no picture, or a camera's pictures differ in size.
+/// If there are not as many of both, the numbers in their names say that others are pairs, a file cannot be read or is no picture, or a
+/// camera's pictures differ in size.
 pub fn from_files(left: &[PathBuf], right: &[PathBuf], board: BoardSize) -> Result<Pictures> {
     if left.len() != right.len() {
         let counts = format!("{} left and {} right", left.len(), right.len());
         return Err(Error::Argument(format!("there are {counts} pictures; they are paired in the order of their names, one by one.")));
+    }
+    if let Some([of_left, paired, own]) = mispaired(left, right) {
+        return Err(Error::file(
+            of_left,
+            format!(
+                "in the order of names its pair is {}, but by its number {}; leave pictures out that have no partner.",
+                paired.display(),
+                own.display()
+            ),
+        ));
     }
     let bar = cli::progress(2 * left.len() as u64, "looking for boards");
     let search = |side: Side, path: &Path| {
@@ -79,6 +90,24 @@ pub fn from_files(left: &[PathBuf], right: &[PathBuf], board: BoardSize) -> Resu
         pictures.shots.push(Shot { name, sightings: [l.sighting, r.sighting] });
     }
     Ok(pictures)
+}
+
+/// The first left picture whose number is that of another right picture than the one in its place: the left one, that in its place, and that of its
+/// number. Numbers that are in no name of the other side, as times may be, say nothing.
+fn mispaired<'a>(left: &'a [PathBuf], right: &'a [PathBuf]) -> Option<[&'a PathBuf; 3]> {
+    let by_number: BTreeMap<u64, &PathBuf> = right.iter().filter_map(|path| Some((number(path)?, path))).collect();
+    // One number in all names, as a size may be, is none of the picture's.
+    let numbers = left.iter().map(|path| number(path)).collect::<Option<Vec<_>>>().filter(|_| by_number.len() == right.len())?;
+    left.iter().zip(right).zip(numbers).find_map(|((left, paired), number)| {
+        let own = *by_number.get(&number)?;
+        (own != paired).then_some([left, paired, own])
+    })
+}
+
+/// The last number in a file's name.
+fn number(path: &Path) -> Option<u64> {
+    let name = path.file_stem()?.to_str()?;
+    name.rsplit(|c: char| !c.is_ascii_digit()).find(|digits| !digits.is_empty())?.parse().ok()
 }
 
 fn read(path: &Path, side: Side) -> Result<GrayImage> {
@@ -165,5 +194,27 @@ impl Pictures {
         self.glimpses.add(name, searched.glimpse);
         self.boards_seen[camera] += usize::from(searched.sighting.is_some());
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_whose_numbers_contradict_their_order_are_no_pairs() {
+        let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
+        let mispaired = |left: &[&str], right: &[&str]| {
+            let (left, right) = (paths(left), paths(right));
+            super::mispaired(&left, &right).map(|files| files.map(|path| path.display().to_string()))
+        };
+        let of = |names: [&str; 3]| Some(names.map(str::to_owned));
+        assert_eq!(mispaired(&["l01.png", "l02.png"], &["r1.png", "r2.png"]), None);
+        assert_eq!(mispaired(&["l01.png", "l03.png"], &["r02.png", "r03.png"]), None);
+        assert_eq!(mispaired(&["l01.png", "l02.png"], &["r02.png", "r03.png"]), of(["l02.png", "r03.png", "r02.png"]));
+        // Sizes, times and names without numbers say nothing.
+        assert_eq!(mispaired(&["l1_640.png", "l2_640.png"], &["r1_640.png", "r2_640.png"]), None);
+        assert_eq!(mispaired(&["a.png", "b.png"], &["c.png", "d.png"]), None);
+        assert_eq!(mispaired(&["l1700000001.png", "l1700000034.png"], &["r1700000002.png", "r1700000035.png"]), None);
     }
 }

@@ -154,6 +154,10 @@ fn wrong_pictures_end_in_a_sentence() {
     );
     let one = cameras(&["l1.png"], &["r*.png"]);
     assert!(matches!(&one, Error::Argument(s) if s.contains("1 left and 2 right")), "{one}");
+    save(folder.path(), "r3.png", &flat);
+    let shifted = cameras(&["l1.png", "l2.png"], &["r2.png", "r3.png"]).to_string();
+    std::fs::remove_file(folder.path().join("r3.png")).unwrap();
+    assert!(shifted.contains("l2.png: ") && shifted.contains("r3.png, but by its number ") && shifted.contains("no partner"), "{shifted}");
     let sizes = cameras(&["l1.png", "big.png"], &["r*.png"]).to_string();
     assert!(sizes.contains("80 x 60") && sizes.contains("64 x 48"), "{sizes}");
     let text = cameras(&["text.jpg", "l1.png"], &["r*.png"]).to_string();
