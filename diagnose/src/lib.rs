@@ -24,7 +24,7 @@ use raven::robot::{KinematicsKind, PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
 use serde::Serialize;
 
-use crate::against::Against;
+use crate::against::{Against, Simulation};
 use crate::attribution::{Attribution, Nominal, Side};
 use crate::evidence::numbers::spread::{Departures, Spread};
 use crate::gap::{Gap, MotorMotion};
@@ -155,14 +155,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     files::distinct(&args.logs.iter().chain(&args.beside).collect::<Vec<_>>())?;
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
-    let bar = cli::progress(args.logs.len() as u64, "reading recordings");
-    let mut recordings = Vec::new();
-    for path in &args.logs {
-        recordings.push(Recording::of_robot(path, &robot)?);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    let mut residuals = channels(&recordings, &robot)?;
+    let recordings = read(&args.logs, &robot)?;
+    let residuals = channels(&recordings, &robot)?;
     if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
         let tracked = recordings.iter().map(|recording| (&recording.path, Cameras::of_tracked(recording)));
         cameras.warn_if_others_tracked(cameras_path, tracked)?;
@@ -170,52 +164,74 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     recordings.iter().for_each(|recording| Cameras::warn_if_latency_counts_twice(&robot, recording));
     let mut report = Report::new(&robot, &args.logs, &residuals);
     report.lost = recordings.iter().flat_map(lost).collect();
+    let nominal = Nominal::new(&robot, cameras.as_ref());
+    let Held { recordings, residuals, simulated } = Held::against(&nominal, recordings, residuals, &args.against)?;
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
-    let mut lenses = cameras.as_ref();
-    let (mut simulations, mut pairs) = (Vec::new(), None);
-    if !args.against.is_empty() {
-        let simulated = against::read(&robot, &recordings, &args.against)?;
-        let (put_right, found) = against::compare(&robot, cameras.as_ref(), &recordings, &simulated)?;
-        simulations = found;
-        pairs = Some((std::mem::replace(&mut recordings, put_right), simulated));
-        residuals = channels(&recordings, &robot)?;
-        lenses = None;
-    }
+    let lenses = cameras.as_ref().filter(|_| simulated.is_none());
     let sorted = whereabouts::recorded(&robot, lenses, &recordings, &residuals)?;
     let whereabouts = whereabouts::find(&sorted);
     report.places = whereabouts.listed();
     report.where_in_words = whereabouts.sentences.clone();
     report.motor_motion = gap::motor_motion(&sorted);
     let gaps = gaps(&robot, &residuals);
-    if !simulations.is_empty() {
-        report.against = Some(Against::new(&robot, simulations, &gaps, &sorted));
-    }
-    if report.against.is_some() && matches!(robot.kinematics, KinematicsKind::Bench) {
+    report.against = simulated.as_ref().map(|simulated| Against::new(&robot, simulated.found.clone(), &gaps, &sorted));
+    if simulated.is_some() && matches!(robot.kinematics, KinematicsKind::Bench) {
         report.no_diagnosis = Some(NO_CAUSES_OF_BENCH.to_owned());
     } else if !args.gap_only {
-        let nominal = Nominal::new(&robot, cameras.as_ref());
         let (spread, silent) = beside(&nominal, &args.beside)?;
         report.lost.extend(silent);
         let nominal = Nominal { spread, ..nominal };
-        report.add(match &pairs {
+        report.add(match &simulated {
             None => causes(&nominal, &recordings),
-            Some((real, simulated)) => causes_against(&nominal, &recordings, real, simulated),
+            Some(simulated) => causes_against(&nominal, &recordings, simulated),
         })?;
     }
     cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     if let Some(html) = &args.html {
-        let mut page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
-        page.motors.clone_from(&report.motor_motion);
-        page.remarks.extend(report.lost.iter().chain(&report.no_diagnosis).cloned());
-        if let Some(attribution) = &report.attribution {
-            let json = args.json.as_deref().filter(|json| json.as_os_str() != cli::STANDARD_OUTPUT);
-            let files = report::Files { robot: &args.robot, cameras: args.cameras.as_deref(), json };
-            report::add_causes(&mut page, attribution, &robot, files);
-        }
-        files::write_atomic(html, report::html(&page).as_bytes())?;
+        let page = report::gap_page(&robot, &report.recordings, &residuals, &gaps, &whereabouts, report.against.as_ref());
+        files::write_atomic(html, report::html(&report.page(page, &robot, &args)).as_bytes())?;
     }
     report.lost.iter().for_each(|sentence| cli::warn(sentence));
     Ok(Outcome::Done)
+}
+
+fn read(logs: &[PathBuf], robot: &Robot) -> Result<Vec<Recording>> {
+    let bar = cli::progress(logs.len() as u64, "reading recordings");
+    let one = |path: &PathBuf| {
+        let recording = Recording::of_robot(path, robot)?;
+        bar.inc(1);
+        Ok(recording)
+    };
+    let recordings = logs.iter().map(one).collect();
+    bar.finish_and_clear();
+    recordings
+}
+
+/// What is held against the model: recordings, or what simulations leave of them.
+struct Held {
+    recordings: Vec<Recording>,
+    residuals: Vec<Channels>,
+    simulated: Option<Simulated>,
+}
+
+/// What recordings were put right by.
+struct Simulated {
+    /// The recordings as they were.
+    real: Vec<Recording>,
+    simulations: Vec<Recording>,
+    found: Vec<Simulation>,
+}
+
+impl Held {
+    fn against(nominal: &Nominal, recordings: Vec<Recording>, residuals: Vec<Channels>, simulations: &[PathBuf]) -> Result<Self> {
+        if simulations.is_empty() {
+            return Ok(Self { recordings, residuals, simulated: None });
+        }
+        let simulations = against::read(nominal.robot, &recordings, simulations)?;
+        let (put_right, found) = against::compare(nominal.robot, nominal.cameras, &recordings, &simulations)?;
+        let residuals = channels(&put_right, nominal.robot)?;
+        Ok(Self { recordings: put_right, residuals, simulated: Some(Simulated { real: recordings, simulations, found }) })
+    }
 }
 
 /// What of a recording could not be used, in sentences.
@@ -242,9 +258,9 @@ fn causes(nominal: &Nominal, recordings: &[Recording]) -> Result<Attribution> {
 }
 
 /// What recordings that were put right by their simulations say of causes: those that the robot has and the simulation lacks, or the other way round.
-fn causes_against(nominal: &Nominal, put_right: &[Recording], real: &[Recording], simulated: &[Recording]) -> Result<Attribution> {
+fn causes_against(nominal: &Nominal, put_right: &[Recording], simulated: &Simulated) -> Result<Attribution> {
     let of_robot = causes(nominal, put_right)?;
-    let turned = against::turned_about(nominal.robot, nominal.cameras, real, simulated)?;
+    let turned = against::turned_about(nominal.robot, nominal.cameras, &simulated.real, &simulated.simulations)?;
     let of_simulation = match causes(nominal, &turned) {
         // What departs far from the model may be out of its reach on the other side.
         Err(Error::Data(_)) => return Ok(Attribution { side: Some(Side::Robot), ..of_robot }),
@@ -289,6 +305,19 @@ impl Report {
             Err(error) => return Err(error),
         }
         Ok(())
+    }
+
+    /// The page of the gap with what else there is to say.
+    fn page(&self, of_gap: report::Page, robot: &Robot, args: &Args) -> report::Page {
+        let mut page = of_gap;
+        page.motors.clone_from(&self.motor_motion);
+        page.remarks.extend(self.lost.iter().chain(&self.no_diagnosis).cloned());
+        if let Some(attribution) = &self.attribution {
+            let json = args.json.as_deref().filter(|json| json.as_os_str() != cli::STANDARD_OUTPUT);
+            let files = report::Files { robot: &args.robot, cameras: args.cameras.as_deref(), json };
+            report::add_causes(&mut page, attribution, robot, files);
+        }
+        page
     }
 
     fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels]) -> Self {
