@@ -82,7 +82,7 @@ pub fn remark(method: &str) -> Option<&str> {
     method.split_once(REMARK).map(|(_, remark)| remark)
 }
 
-/// The robot file with the findings in it, and friction the other way round where that was found.
+/// The robot file with the findings in it, and friction and loops the other way round where that was found.
 ///
 /// The logs were recorded while the controller set the encoders by the numbers of the file before. Where new numbers would make another
 /// motor angle of the hard stop, the old one is written down, so that the same logs read the same.
@@ -91,9 +91,9 @@ pub fn remark(method: &str) -> Option<&str> {
 /// If the robot is no arm.
 pub fn identified(robot: &Robot, findings: &[Finding], turned: &[Turned], method: &str, sessions: &[Session]) -> Result<Robot> {
     let mut new = robot.clone();
-    let turned_key = |turned: &Turned| format!("joints.{}.link_friction.held_part", robot.joints[turned.joint].name);
+    let turned_key = |turned: &Turned| turned.part.key(robot, turned.joint);
     let changes = findings.iter().map(|finding| (finding.unknown.key.clone(), finding.value));
-    for (key, value) in changes.chain(turned.iter().map(|turned| (turned_key(turned), turned.held_part))) {
+    for (key, value) in changes.chain(turned.iter().map(|turned| (turned_key(turned), turned.after))) {
         if let Some(place) = new.value_mut(&key) {
             *place = value;
         }
@@ -117,8 +117,8 @@ pub fn identified(robot: &Robot, findings: &[Finding], turned: &[Turned], method
         provenance(unknown.quantity.name(), unknown.key.clone(), unknown.quantity.unit(robot), numbers, *identified)
     };
     let of_turned = |turned: &Turned| {
-        let numbers = [turned.held_part, turned.std(), turned.before, turned.prior_std()];
-        provenance(format!("held_part_{}", turned.joint + 1), turned_key(turned), "1", numbers, true)
+        let numbers = [turned.after, turned.std(), turned.before, turned.prior_std()];
+        provenance(turned.part.name(turned.joint), turned_key(turned), "1", numbers, true)
     };
     // Newest first: undoing them in order ends at the oldest prior.
     new.calibration.splice(0..0, findings.iter().map(of_finding).chain(turned.iter().map(of_turned)));

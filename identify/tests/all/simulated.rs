@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use raven::camera::Quality;
-use raven::robot::nominal;
+use raven::robot::{Hysteresis, nominal};
 use raven_identify::identified::{Finding, identified};
 use raven_identify::parameters::Selection;
 use raven_identify::prediction::Predictor;
@@ -162,5 +162,39 @@ fn friction_that_nobody_asked_about_or_that_holds_by_half_stays() {
         let file = identified(&case.robot, &findings, problem.turned(), "batch", &sessions).unwrap();
         let held_parts = file.joints.iter().map(|joint| joint.link_friction.unwrap().held_part).collect::<Vec<_>>();
         assert_eq!(held_parts, [0.0, 0.5, 0.0]);
+    }
+}
+
+/// A loop that turns as a play does is told from one that rounds off, and is as large as claimed.
+#[test]
+fn a_loop_that_turns_sharply_is_written_where_it_was_found() {
+    let case = Case::new(&["hysteresis_3", "rounding_3", "latency"]);
+    let half_loop = 1.2e-3;
+    for straight_part in [0.0, 1.0] {
+        let mut truth = case.robot.clone();
+        truth.joints[2].hysteresis = Hysteresis { half_loop, length: half_loop, straight_part, lag_at_start: 0.0 };
+        let motors = motion(40.0, MIDDLE, WIDE);
+        let winding = motors.with_track(truth.arm().unwrap().winding(motors.track()).into_owned());
+        let seen = session(&truth, &winding, &mut ChaCha8Rng::seed_from_u64(3), 0.0);
+        let sessions = [Session { motion: motors, ..seen }];
+        let mut problem = Problem::new(&case.robot, &case.unknowns, &sessions).unwrap();
+        let estimate = problem.estimate(&case.may_hold()).unwrap();
+        let findings = Finding::all(&case.unknowns, &estimate);
+        for finding in &findings[..2] {
+            let off = (finding.value - half_loop) / finding.std;
+            assert!(finding.identified && off.abs() < 3.0, "{straight_part}: {} is {off:.1} deviations off", finding.unknown.key);
+        }
+        let squares = problem.normalized_squares(&estimate.z).unwrap();
+        // Of 400 sightings; one deviation is 0.12.
+        let nis = squares.iter().sum::<f64>() / squares.len() as f64;
+        assert!(nis < 3.4, "{straight_part}: residuals are {nis}, and noise alone would be 3");
+        let file = identified(&case.robot, &findings, problem.turned(), "batch", &sessions).unwrap();
+        assert_eq!(file.joints[2].hysteresis.straight_part, straight_part);
+        let line = file.calibration.iter().find(|line| line.key.ends_with("straight_part"));
+        assert_eq!(
+            line.map(|line| (line.parameter.as_str(), line.value, line.prior)),
+            (straight_part > 0.0).then_some(("straight_part_3", 1.0, 0.0))
+        );
+        assert_eq!(file.before_calibration(), case.robot);
     }
 }
