@@ -55,3 +55,34 @@ pub fn stronger([robot, simulation]: [Attribution; 2], [of_robot, of_simulation]
     let (chosen, side) = if clearly { (simulation, Side::Simulation) } else { (robot, Side::Robot) };
     Attribution { side: Some(side), ..chosen }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Vector3};
+    use raven::log::{Stamp, TipStatus};
+
+    use super::*;
+
+    #[test]
+    fn a_simulation_that_logs_more_often_has_as_many_tips_as_its_recording() {
+        let tip = |time_s: f64| TipObservation {
+            stamp: Stamp(0).plus_seconds(time_s),
+            frame_id: String::new(),
+            status: TipStatus::Seen,
+            left_px: [f64::NAN; 2],
+            right_px: [f64::NAN; 2],
+            position_m: Vector3::zeros(),
+            covariance_m2: Matrix3::zeros(),
+        };
+        // At 100 Hz and an epoch that is 7 s later; the recording begins before and ends after.
+        let simulated: Vec<TipObservation> = (0..100).map(|k| tip(7.0 + 0.01 * f64::from(k))).collect();
+        let real: Vec<TipObservation> = (-1..16).map(|k| tip(1.002 + 0.066 * f64::from(k))).collect();
+        let kept = as_often(&simulated, &real, 6.0);
+        // The first and the last stand for what lies beyond them once.
+        assert_eq!(kept.len(), 16);
+        for (kept, real) in kept.iter().zip(&real[1..]) {
+            assert!((kept.stamp.seconds_since(real.stamp) - 6.0).abs() < 0.0051);
+        }
+        assert!(as_often(&[], &real, 6.0).is_empty());
+    }
+}
