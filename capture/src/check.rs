@@ -259,18 +259,23 @@ mod tests {
         assert_eq!(json["steps"][2]["ready"], true);
     }
 
+    /// A minute of robot states whose clock is so far ahead of the recorder's at the k-th [s].
+    fn states_of_a_clock(file: &Path, ahead_s: impl Fn(u32) -> f64) {
+        let mut log = LogWriter::create(file).unwrap();
+        for k in 0..600 {
+            let arrived = Stamp(1_700_000_000_000_000_000).plus_seconds(0.1 * f64::from(k));
+            let measured = arrived.plus_seconds(ahead_s(k));
+            log.robot_state(Times { measured, arrived }, &RavenState::default()).unwrap();
+        }
+        log.finish().unwrap();
+    }
+
     #[test]
     fn the_robots_clock_is_held_against_the_recorders() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("session.mcap");
-        let mut log = LogWriter::create(&file).unwrap();
-        for k in 0..600_u64 {
-            let arrived = Stamp(1_700_000_000_000_000_000 + k * 100_000_000);
-            // The robot's clock is 3 ms behind, and loses 50 us a second.
-            let measured = arrived.plus_seconds(-0.003 - 50e-6 * 0.1 * k as f64);
-            log.robot_state(Times { measured, arrived }, &RavenState::default()).unwrap();
-        }
-        log.finish().unwrap();
+        // The robot's clock is 3 ms behind, and loses 50 us a second.
+        states_of_a_clock(&file, |k| -0.003 - 50e-6 * 0.1 * f64::from(k));
         let (_, text) = check(&[file.to_str().unwrap()]);
         let line =
             "/ravenstate: 3.000 ms from stamp to arrival at the start, its clock loses 50.00 ppm on the recorder's; both within 0.000 ms";
@@ -281,13 +286,7 @@ mod tests {
     fn a_clock_that_jumps_does_not_drift() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("session.mcap");
-        let mut log = LogWriter::create(&file).unwrap();
-        for k in 0..600_u64 {
-            let arrived = Stamp(1_700_000_000_000_000_000 + k * 100_000_000);
-            let measured = arrived.plus_seconds(if k < 300 { -0.003 } else { -0.503 });
-            log.robot_state(Times { measured, arrived }, &RavenState::default()).unwrap();
-        }
-        log.finish().unwrap();
+        states_of_a_clock(&file, |k| if k < 300 { -0.003 } else { -0.503 });
         let (_, text) = check(&[file.to_str().unwrap()]);
         let line = "/ravenstate: at 30.000 s the clock of its stamps jumps back by 500.0 ms against the recorder's; use the part";
         assert!(text.contains(line) && !text.contains("ppm"), "{text}");
