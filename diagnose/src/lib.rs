@@ -260,7 +260,13 @@ fn causes(nominal: &Nominal, recordings: &[Recording]) -> Result<Attribution> {
 /// What recordings that were put right by their simulations say of causes: those that the robot has and the simulation lacks, or the other way round.
 fn causes_against(nominal: &Nominal, put_right: &[Recording], simulated: &Simulated) -> Result<Attribution> {
     let of_robot = causes(nominal, put_right)?;
-    let turned = against::turned_about(nominal.robot, nominal.cameras, &simulated.real, &simulated.simulations)?;
+    let turned = against::turned_about(
+        nominal.robot,
+        nominal.cameras,
+        &simulated.real,
+        &simulated.simulations,
+        simulated.found.iter().map(|found| found.shift_s),
+    )?;
     let of_simulation = match causes(nominal, &turned) {
         // What departs far from the model may be out of its reach on the other side.
         Err(Error::Data(_)) => return Ok(Attribution { side: Some(Side::Robot), ..of_robot }),
@@ -298,7 +304,10 @@ impl Report {
     fn add(&mut self, found: Result<Attribution>) -> Result<()> {
         match found {
             Ok(mut attribution) => {
-                attribution.remarks.extend(self.against.as_mut().zip(attribution.side).map(|(against, side)| against.remark(side)));
+                if let Some((against, side)) = self.against.as_mut().zip(attribution.side) {
+                    against.effects_of = Some(side);
+                    attribution.remarks.push(against.remark(side));
+                }
                 self.attribution = Some(attribution);
             }
             Err(Error::Data(because)) => self.no_diagnosis = Some(because),

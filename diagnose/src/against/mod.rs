@@ -209,9 +209,9 @@ impl Against {
         text
     }
 
-    /// Takes note of which side has what is named, and says what it was added to.
-    pub fn remark(&mut self, side: Side) -> String {
-        self.effects_of = Some(side);
+    /// What effects that a side has were added to.
+    #[must_use]
+    pub fn remark(&self, side: Side) -> String {
         let files: Vec<&str> = self.simulations.iter().map(|simulation| simulation.file.as_str()).collect();
         let files = files.join(", ");
         match side {

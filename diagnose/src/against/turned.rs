@@ -20,23 +20,29 @@ use crate::attribution::{Attribution, Side};
 /// the one with one sign and the other with the other.
 const CLEAR_NATS: f64 = 3.0;
 
-/// Simulations of an arm, put right by what the recordings of the same motion depart from the model, with as many tips as those.
+/// Simulations of an arm, put right by what the recordings of the same motion depart from the model, with as many tips as those; stamps of each lack
+/// `shifts_s` to its recording's [s].
 ///
 /// # Errors
 /// If a simulation cannot be held against its recording.
-pub fn turned_about(robot: &Robot, cameras: Option<&Cameras>, recordings: &[Recording], simulated: &[Recording]) -> Result<Vec<Recording>> {
-    let of = |(real, simulated): (&Recording, &Recording)| {
+pub fn turned_about(
+    robot: &Robot,
+    cameras: Option<&Cameras>,
+    recordings: &[Recording],
+    simulated: &[Recording],
+    shifts_s: impl Iterator<Item = f64>,
+) -> Result<Vec<Recording>> {
+    let of = |((real, simulated), shift_s): ((&Recording, &Recording), f64)| {
         let mut simulated = deviation::with_tips(robot, simulated)?;
-        let shift_s = corrected(robot, cameras, &simulated, real)?.1.shift_s;
         simulated.tip = as_often(&simulated.tip, &real.tip, shift_s);
         Ok(corrected(robot, cameras, &simulated, real)?.0)
     };
-    recordings.iter().zip(simulated).map(of).collect()
+    recordings.iter().zip(simulated).zip(shifts_s).map(of).collect()
 }
 
 /// Of tips whose stamps lack `shift_s` to those of others [s] the next to each of these.
 fn as_often(tips: &[TipObservation], others: &[TipObservation], shift_s: f64) -> Vec<TipObservation> {
-    let apart_s = |tip: &TipObservation, other: &TipObservation| tip.stamp.seconds_since(other.stamp) - shift_s;
+    let apart_s = |tip: &TipObservation, other: &TipObservation| tip.stamp.seconds_since(other.stamp) + shift_s;
     let next = |other: &TipObservation| {
         let after = tips.partition_point(|tip| apart_s(tip, other) < 0.0);
         let beside = after.saturating_sub(1)..(after + 1).min(tips.len());
@@ -77,12 +83,12 @@ mod tests {
         // At 100 Hz and an epoch that is 7 s later; the recording begins before and ends after.
         let simulated: Vec<TipObservation> = (0..100).map(|k| tip(7.0 + 0.01 * f64::from(k))).collect();
         let real: Vec<TipObservation> = (-1..16).map(|k| tip(1.002 + 0.066 * f64::from(k))).collect();
-        let kept = as_often(&simulated, &real, 6.0);
+        let kept = as_often(&simulated, &real, -6.0);
         // The first and the last stand for what lies beyond them once.
         assert_eq!(kept.len(), 16);
         for (kept, real) in kept.iter().zip(&real[1..]) {
             assert!((kept.stamp.seconds_since(real.stamp) - 6.0).abs() < 0.0051);
         }
-        assert!(as_often(&[], &real, 6.0).is_empty());
+        assert!(as_often(&[], &real, -6.0).is_empty());
     }
 }

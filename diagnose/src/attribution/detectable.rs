@@ -93,8 +93,7 @@ pub(super) struct Smallest {
 }
 
 impl Smallest {
-    /// As reports have it.
-    /// The size, or why there is none.
+    /// The size as reports have it, or why there is none.
     pub(super) fn detectable(&self, fitter: &Fitter) -> std::result::Result<Detectable, NotObservable> {
         let sited = fitter.coordinates.sited[self.effect];
         let parameter = fitter.coordinates.parameter(self.coordinate);
