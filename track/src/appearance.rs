@@ -8,7 +8,10 @@ use crate::colour::MarkerColour;
 use crate::look::Marker;
 use crate::marker::Centre;
 
-/// Colour and size of the marker.
+/// Radius of a laparoscopic instrument of 5 mm [m].
+pub const SHAFT_RADIUS_M: f64 = 0.0025;
+
+/// Colour and size of the marker, and what it sits on.
 #[derive(Debug, Clone, Copy, PartialEq, Args)]
 pub struct Appearance {
     /// Hue of the marker [deg]: 90..150 is green, 340..20 red.
@@ -23,6 +26,9 @@ pub struct Appearance {
     /// The marker's size.
     #[command(flatten)]
     pub size: Size,
+    /// Radius of the shaft that the marker sits on, which hides a part of its edge [m]; 0 without one.
+    #[arg(long = "shaft-radius", value_name = "M", default_value_t = SHAFT_RADIUS_M, value_parser = shaft_radius, allow_negative_numbers = true)]
+    pub shaft_radius_m: f64,
 }
 
 /// Size of the marker.
@@ -38,14 +44,15 @@ impl Appearance {
     #[must_use]
     pub const fn marker(&self, centre: Centre) -> Marker {
         let colour = MarkerColour { hue_deg: self.hue, min_saturation: self.min_saturation, min_value: self.min_value };
-        Marker { colour, radius_m: self.size.marker_radius_m, centre }
+        Marker { colour, radius_m: self.size.marker_radius_m, shaft_radius_m: self.shaft_radius_m, centre }
     }
 
     /// As it is typed, for advice.
     #[must_use]
     pub fn options(&self) -> String {
-        let Self { hue: [from, to], min_saturation, min_value, size } = self;
-        format!("--hue {from}..{to} --min-saturation {min_saturation} --min-value {min_value} --marker-radius {}", size.marker_radius_m)
+        let Self { hue: [from, to], min_saturation, min_value, size: Size { marker_radius_m }, shaft_radius_m } = self;
+        let shaft = if *shaft_radius_m == SHAFT_RADIUS_M { String::new() } else { format!(" --shaft-radius {shaft_radius_m}") };
+        format!("--hue {from}..{to} --min-saturation {min_saturation} --min-value {min_value} --marker-radius {marker_radius_m}{shaft}")
     }
 }
 
@@ -69,6 +76,10 @@ fn share(text: &str) -> Result<f64, String> {
 
 fn radius(text: &str) -> Result<f64, String> {
     number(text, 5e-4..=0.1, "m; is it in millimetres?")
+}
+
+fn shaft_radius(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=0.1, "m; is it in millimetres?")
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use raven::{Error, Result, files};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::appearance::Appearance;
+use crate::appearance::{Appearance, SHAFT_RADIUS_M};
 use crate::colour::{MarkerColour, hsv, is_between};
 use crate::look::Marker;
 use crate::marker::Centre;
@@ -71,7 +71,13 @@ pub fn run(args: &Colour, out: &mut dyn Write) -> Result<Outcome> {
     let Learned { hue_deg: hue_deg @ [from, to], min_saturation, min_value, marker_left_m: [x, y, z], pairs_seen, pairs, share_around } =
         &learned;
     let shown = |share: f64| (100.0 * share).round() / 100.0;
-    let copied = Appearance { hue: *hue_deg, min_saturation: shown(*min_saturation), min_value: shown(*min_value), size: args.size };
+    let copied = Appearance {
+        hue: *hue_deg,
+        min_saturation: shown(*min_saturation),
+        min_value: shown(*min_value),
+        size: args.size,
+        shaft_radius_m: SHAFT_RADIUS_M,
+    };
     let text = format!(
         "colour              hue {from:.0} to {to:.0} deg, saturation at least {min_saturation:.2}, value at least {min_value:.2}\n\
          marker              ({:.1}, {:.1}, {:.1}) mm before the left camera, seen in {pairs_seen} of {pairs} pairs of frames\n\
@@ -92,7 +98,7 @@ pub fn run(args: &Colour, out: &mut dyn Write) -> Result<Outcome> {
 /// # Errors
 /// As [`run`], or if the log cannot be read.
 pub fn learn(log: &Path, cameras: &Cameras, radius_m: f64) -> Result<Learned> {
-    let marker = |colour| Marker { colour, radius_m, centre: Centre::Contour };
+    let marker = |colour| Marker { colour, radius_m, shaft_radius_m: 0.0, centre: Centre::Contour };
     let sector = |from: usize| MarkerColour { hue_deg: [from as f64, (from as f64 + SECTOR_DEG) % 360.0], ..MarkerColour::default() };
     let mut sectors: Vec<_> = (0..360).step_by(NEXT_DEG).map(|from| (marker(sector(from)), Gathered::default())).collect();
     // Each time that the pairs are looked at they are decoded again: all of them at once would take most of a gigabyte at 1920 x 1080.

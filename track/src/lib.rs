@@ -32,6 +32,7 @@ mod refine;
 pub mod report;
 pub mod response;
 mod sandwich;
+pub mod shaft;
 pub mod shared;
 pub mod sieve;
 mod spectrum;

@@ -13,6 +13,7 @@ use crate::marker::{Blob, Blobs, Centre, Region};
 use crate::perspective::ball_centre;
 use crate::predict::View;
 use crate::response::Response;
+use crate::shaft::Shaft;
 
 /// Side of the region of interest of Haghighipanah et al. 2017 while the marker is seen [px].
 const REGION_PX: f64 = 100.0;
@@ -31,6 +32,8 @@ pub struct Marker {
     pub colour: MarkerColour,
     /// Its radius [m].
     pub radius_m: f64,
+    /// Radius of the shaft that it sits on [m]; 0 without.
+    pub shaft_radius_m: f64,
     /// Which centre of a blob to take.
     pub centre: Centre,
 }
@@ -92,13 +95,14 @@ impl Search {
     /// # Errors
     /// If the frame cannot be decoded.
     pub fn look(&self, frame: &CameraFrame, expected: &View) -> Result<Found> {
-        let radius_px = self.marker.radius_m * expected.px_per_m;
+        let [radius_px, shaft_px] = [self.marker.radius_m, self.marker.shaft_radius_m].map(|radius_m| radius_m * expected.px_per_m);
+        let shaft = expected.shaft.filter(|_| shaft_px > 0.0).map(|direction| Shaft { direction, radius_px: shaft_px });
         let mut side = self.side_px.max(REGION_RADII * radius_px);
         let sampling = frame.sampling();
         loop {
             let region = Region::around(&expected.pixel, side as u32);
             let Part { image, corner } = frame.decode_rgb_part(region.columns(), region.rows())?;
-            let blobs = Blobs::find(&image, Some(region.from(corner)), &self.marker.colour).sampled(sampling.as_ref());
+            let blobs = Blobs::find(&image, Some(region.from(corner)), &self.marker.colour).sampled(sampling.as_ref()).on_shaft(shaft);
             let candidates = blobs.found.iter().filter_map(|blob| self.candidate(&blobs, blob, corner, radius_px)).collect::<Vec<_>>();
             if !candidates.is_empty() || side >= self.largest_px() || !blobs.found.iter().any(|blob| blob.cut_off) {
                 return Ok(Found { candidates, blobs: blobs.found.len(), region });

@@ -23,6 +23,7 @@ use crate::colour::MarkerColour;
 use crate::outline::{self, Moments, Pixel};
 use crate::patch::Patch;
 use crate::response::Response;
+use crate::shaft::Shaft;
 use crate::squares::Squares;
 use crate::surroundings::{Bounds, REACH_PX, Surroundings};
 
@@ -136,6 +137,7 @@ pub struct Blobs<'i> {
     image: &'i RgbImage,
     region: Region,
     sampling: Option<&'i Sampling>,
+    shaft: Option<Shaft>,
     mask: Bits,
     /// The blobs, the largest first.
     pub found: Vec<Blob>,
@@ -150,13 +152,19 @@ impl<'i> Blobs<'i> {
         let mask = colour.mask(image, region).clean();
         let mut found: Vec<Blob> = outline::outlines(&mask).iter().filter_map(|outline| blob(region, outline)).collect();
         found.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
-        Self { image, region, sampling: None, mask, found }
+        Self { image, region, sampling: None, shaft: None, mask, found }
     }
 
     /// The same of an image that was decoded from a JPEG file that holds colour so.
     #[must_use]
     pub fn sampled(self, sampling: Option<&'i Sampling>) -> Self {
         Self { sampling, ..self }
+    }
+
+    /// The same of balls on a shaft.
+    #[must_use]
+    pub fn on_shaft(self, shaft: Option<Shaft>) -> Self {
+        Self { shaft, ..self }
     }
 
     /// The centre of a blob of this image, with its covariance and the radius. Where no ball fits, or the blob is small or
@@ -170,7 +178,7 @@ impl<'i> Blobs<'i> {
             return contour;
         }
         let fit = || {
-            let around = Surroundings::of(self.image, self.region, &self.mask, blob.bounds)?;
+            let around = Surroundings::of(self.image, self.region, &self.mask, blob.bounds, self.shaft.as_ref())?;
             let squares = self.sampling.and_then(|sampling| Squares::of(&around, sampling));
             centre::fit(&Patch::of(&around)?, squares.as_ref(), blob.contour_px, disc_px, kind == Centre::Refined)
         };

@@ -53,9 +53,9 @@ const LEAST_NOISE: f64 = 1.5;
 /// A coefficient counts as no farther off than so many standard deviations in that search.
 const FAR: f32 = 3.0;
 
-/// What moves the centre alike in both cameras and no residual shows, per axis [px]: a shaft that hides a part of the ball's edge, and light that
-/// harmonics do not follow. Judged from what is slower than noise in two sessions of two renderers, with the true cameras.
-const UNSHOWN_PX: f64 = 0.02;
+/// What moves the centre alike in both cameras and no residual shows, per axis [px]: light that harmonics do not follow, the more as the edge at the
+/// shaft does not tell. Judged from the mean offsets of centres in two sessions of two renderers, with the true cameras.
+const UNSHOWN_PX: f64 = 0.05;
 
 /// A file's squares with what is expected of them.
 pub(crate) struct Spectrum<'s> {

@@ -1,11 +1,12 @@
 //! A blob of the marker's colour and what is around it: chroma and luma of its pixels.
 
 use image::RgbImage;
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use crate::bits::Bits;
 use crate::marker::Region;
 use crate::plane::{Kind, Plane, kinds};
+use crate::shaft::Shaft;
 
 /// How far beyond the mask the background is looked at [px].
 pub const REACH_PX: u32 = 7;
@@ -41,8 +42,8 @@ pub(crate) struct Surroundings<'i> {
 impl<'i> Surroundings<'i> {
     /// Of the blob that spans `bounds` in `mask`, the mask of `region` of `image`; it must be [`REACH_PX`] away from the mask's edge.
     ///
-    /// `None` where it is not, or where the marker has no colour.
-    pub(crate) fn of(image: &'i RgbImage, region: Region, mask: &Bits, bounds: Bounds) -> Option<Self> {
+    /// What lies along a `shaft` is not looked at. `None` where the blob is nearer, or where the marker has no colour.
+    pub(crate) fn of(image: &'i RgbImage, region: Region, mask: &Bits, bounds: Bounds, shaft: Option<&Shaft>) -> Option<Self> {
         let reach = REACH_PX as i32;
         let (left, top) = (u32::try_from(bounds.left - reach).ok()?, u32::try_from(bounds.top - reach).ok()?);
         let width = u32::try_from(bounds.right - bounds.left + 1 + 2 * reach).ok()?;
@@ -50,7 +51,11 @@ impl<'i> Surroundings<'i> {
         if (left + width) as usize > mask.width() || (top + height) as usize > mask.height() {
             return None;
         }
-        let kinds = kinds(&mask.crop(left as i32, top as i32, width, height));
+        let mut kinds = kinds(&mask.crop(left as i32, top as i32, width, height));
+        if let Some(shaft) = shaft {
+            let middle = |low: i32, high: i32| f64::from(reach) + 0.5 * f64::from(high - low);
+            shaft.hide(&mut kinds, width as usize, Vector2::new(middle(bounds.left, bounds.right), middle(bounds.top, bounds.bottom)));
+        }
         let (x, y) = (region.x + left, region.y + top);
         let rgb = |i: usize| {
             let i = i as u32;

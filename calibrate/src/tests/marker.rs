@@ -28,7 +28,7 @@ fn cameras() -> Cameras {
 }
 
 fn marker() -> Marker {
-    Marker { colour: MarkerColour::default(), radius_m: RADIUS_M, centre: Centre::Ball }
+    Marker { colour: MarkerColour::default(), radius_m: RADIUS_M, shaft_radius_m: 0.0, centre: Centre::Ball }
 }
 
 /// Green discs on grey, with noise.

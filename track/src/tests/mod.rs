@@ -6,3 +6,4 @@ mod opencv;
 mod precision;
 mod recordings;
 mod scene;
+mod shaft;
