@@ -16,15 +16,15 @@
 //! What a motion cannot tell apart stays as wide as the prior: a shoulder's hard stop and a turn of the cameras about the same axis are one.
 //! Solver, misfit of each joint and blocks of alike residuals are those of `raven-identify`.
 
-use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
 use raven::camera::{Cameras, Quality};
 use raven::robot::{Observation, Robot};
 use raven::{Error, Result};
 use raven_identify::parameters::{Quantity, Selection};
 use raven_identify::priors::{self, Unknown};
-use raven_identify::problem::Problem;
+use raven_identify::problem::{Flaw, Problem};
 use raven_identify::session::Session;
-use raven_track::tracker::CALIBRATION_STD_PX;
+use raven_identify::systematic;
 
 use crate::desync::{Desync, desync};
 use crate::hard_stop::HOMING_STRETCH;
@@ -32,8 +32,6 @@ use crate::moving::{Moving, Taken};
 
 /// Fewest sightings to register from.
 const FEWEST: usize = 60;
-/// Relative standard deviation of the baseline where the calibration does not say.
-const SCALE_STD: f64 = 0.002;
 /// Standard deviation of the offset between the cameras where nothing shows it [s].
 const OFFSET_STD_S: f64 = 0.03;
 
@@ -207,22 +205,11 @@ const FLAWS: usize = 3;
 const OFFSET: usize = 2;
 
 /// What the cameras may have wrong: disparity, scale, and what the epipolar lines leave of the offset.
-fn flaws(cameras: &Cameras, base_from_left: &Isometry3<f64>, taken: &[Taken], offset_std_s: f64) -> Vec<Vec<Vector3<f64>>> {
-    let disparity_px = cameras.quality.disparity_std_px.unwrap_or(CALIBRATION_STD_PX);
-    let scale = cameras.quality.baseline_std_m.map_or(SCALE_STD, |std| std / cameras.baseline_m());
-    let origin = base_from_left.translation.vector;
-    let of = |taken: &Taken| {
-        [
-            taken.moved_by(cameras, base_from_left, |_| Vector2::new(disparity_px, 0.0)),
-            taken.session.sightings.iter().map(|sighting| scale * (sighting.position_m - origin)).collect(),
-            taken.moved_by(cameras, base_from_left, |right| -offset_std_s * right.velocity),
-        ]
-    };
-    let mut all = vec![Vec::new(); FLAWS];
-    for one in taken.iter().map(of) {
-        all.iter_mut().zip(one).for_each(|(all, one)| all.extend(one));
-    }
-    all
+fn flaws(cameras: &Cameras, base_from_left: &Isometry3<f64>, taken: &[Taken], offset_std_s: f64) -> Vec<Flaw> {
+    let roughly = Cameras { base_from_left: Some(*base_from_left), ..cameras.clone() };
+    let placed = taken.iter().flat_map(|taken| &taken.session.sightings).map(|sighting| (sighting, Some(&roughly)));
+    let offset = taken.iter().flat_map(|taken| taken.moved_by(cameras, base_from_left, |right| -offset_std_s * right.velocity));
+    systematic::flaws(placed).into_iter().chain([offset.collect()]).collect()
 }
 
 /// Number of what the robot may have wrong that is no unknown of `raven-identify`.
@@ -231,7 +218,7 @@ const BEYOND: usize = 4;
 const STEP_S: f64 = 0.01;
 
 /// How far link angles, tool length and clocks that are off by a tolerance move the tip.
-fn beyond(robot: &Robot, sessions: &[Session]) -> Result<Vec<Vec<Vector3<f64>>>> {
+fn beyond(robot: &Robot, sessions: &[Session]) -> Result<Vec<Flaw>> {
     let arm = robot.arm()?;
     let tolerances = &robot.tolerances;
     let mut bent = [arm.kinematics; BEYOND - 1];

@@ -25,6 +25,7 @@ pub mod recording;
 pub mod recursive;
 pub mod report;
 pub mod session;
+pub mod systematic;
 
 use std::io::Write;
 use std::path::Path;
@@ -41,6 +42,7 @@ use raven::robot::Robot;
 use raven::{Error, Result, files};
 use recording::Recordings;
 use report::Report;
+use systematic::Systematic;
 
 /// Does what the arguments ask for; the result goes to `out`.
 ///
@@ -79,8 +81,11 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     }
     let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
     args.plots(&unknowns)?;
-    let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?;
-    let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
+    let tracked: Vec<Option<&Cameras>> = recordings.tracked.iter().map(|(_, cameras)| cameras.as_ref()).collect();
+    let systematic = Systematic::of(&recordings.sessions, &tracked);
+    let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?.with_flaws(systematic.flaws.clone());
+    let of_robot = unknowns.iter().map(|u| !u.quantity.is_registration());
+    let may_hold: Vec<bool> = of_robot.chain(systematic.flaws.iter().map(|_| false)).collect();
     let spinner = cli::spinner("estimating");
     let estimate = match sharing {
         None => problem.estimate(&may_hold).map(|estimate| (estimate, None)),
@@ -97,6 +102,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
     let mut report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
     report.identifiability = Some(identifiability);
+    report.cameras = systematic.found(&estimate, unknowns.len());
 
     if let Some(path) = &args.output {
         let method = identified::remarked(args.method.name(), report.misfit());

@@ -280,12 +280,16 @@ impl<'a> Problem<'a> {
             let driving = predictor.driving(&session.motion);
             for sighting in &session.sightings {
                 let lag = lag.as_ref().map_or_else(Vector3::zeros, |lag| lag[errors.len()]);
-                let flawed: Vector3<f64> =
-                    self.flaws.iter().zip(z.iter().skip(self.unknowns.len())).map(|(flaw, &z)| flaw[errors.len()] * z).sum();
-                errors.push(predictor.seen_lagging_m(&driving, sighting.time_s, &lag) + flawed - sighting.position_m);
+                let flawed_m = self.flawed_m(errors.len(), z);
+                errors.push(predictor.seen_lagging_m(&driving, sighting.time_s, &lag) + flawed_m - sighting.position_m);
             }
         }
         errors
+    }
+
+    /// How far the cameras' flaws move where the tip is seen, at one of the sightings of all recordings [m].
+    pub(crate) fn flawed_m(&self, sighting: usize, z: &DVector<f64>) -> Vector3<f64> {
+        self.flaws.iter().zip(z.iter().skip(self.unknowns.len())).map(|(flaw, &z)| flaw[sighting] * z).sum()
     }
 
     /// The flaw that is an unknown; `None` of the robot's. Predictions go straight by it.

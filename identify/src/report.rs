@@ -12,6 +12,7 @@ use crate::identifiability::Identifiability;
 use crate::identified::Finding;
 use crate::misfit::FALSE_CHANCE;
 use crate::parameters::Quantity;
+use crate::systematic::Found;
 
 /// Mean normalised square above which the model lacks something: twice what noise alone gives.
 const NIS_HIGH: f64 = 6.0;
@@ -23,6 +24,8 @@ const CONTRADICTION: f64 = 3.0;
 pub struct Report {
     /// One per estimated number.
     pub parameters: Vec<Line>,
+    /// What the cameras have wrong in all images alike; null where the logs do not say which cameras placed their tips.
+    pub cameras: Option<Found>,
     /// What the logs can say, where it was asked.
     pub identifiability: Option<Identifiability>,
     /// Mean of the sightings' squared residuals, normalised by their covariance; 3 if the model explains all but the noise.
@@ -120,6 +123,7 @@ impl Report {
         });
         Self {
             parameters: findings.iter().map(line).collect(),
+            cameras: None,
             identifiability: None,
             nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
             sightings: squares.len(),
@@ -157,6 +161,13 @@ impl Report {
                 if line.identified { "yes" } else { "no" },
             );
         }
+        if let Some(Found { disparity_px: [px, px_std, px_before], scale }) = self.cameras {
+            let [part, part_std, part_before] = scale.map(|part| 100.0 * part);
+            let _ = writeln!(
+                text,
+                "cameras, in all images alike: disparity {px:+.3} +- {px_std:.3} px (by calibration +- {px_before:.3}), scale {part:+.3} +- {part_std:.3} % (+- {part_before:.3})"
+            );
+        }
         let part = |u: &Unexplained| format!("{} {:.2} {}", u.joint, u.std * u.shown.1, u.shown.0);
         let _ = writeln!(text, "left unexplained: {}", self.unexplained.iter().map(part).collect::<Vec<_>>().join(", "));
         if let Some(identifiability) = &self.identifiability {
@@ -183,6 +194,16 @@ impl Report {
                 "either the file is wrong there, or it stands in for something that the model lacks"
             };
             warnings.push(format!("{name} is {off:.1} prior deviations from what the files say of it; {advice}."));
+        }
+        if let Some(Found { disparity_px, scale }) = self.cameras {
+            for (what, [value, _, std]) in [("disparity", disparity_px), ("scale", scale)] {
+                let off = (value / std).abs();
+                if off > CONTRADICTION {
+                    warnings.push(format!(
+                        "the cameras' {what} is {off:.1} deviations from what their calibration says; calibrate them again."
+                    ));
+                }
+            }
         }
         warnings.extend(self.misfit());
         warnings

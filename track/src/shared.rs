@@ -3,36 +3,29 @@
 //! The covariance of an observation holds what differs from frame to frame. The rest does not average out, so it is said apart, per point:
 //!
 //! ```text
-//! C = X diag(rotation) X' + diag(translation) + d d' + (scale (p - c)) (scale (p - c))',   X = -[p - p_hs]x
+//! C = X diag(rotation) X' + diag(translation) + d d' + s s',   X = -[p - p_hs]x
 //! ```
 //!
-//! with `p_hs` the tip at the hard stop, about which the registration turns, `c` the left camera and `d` the shift of the point by one
-//! standard deviation of the disparity. What the cameras' files do not say counts as known exactly.
+//! with `p_hs` the tip at the hard stop, about which the registration turns, `d` and `s` the shifts of the point by one standard deviation of the
+//! disparity, the marker's centres included, and of the scale. A registration whose file does not say counts as known exactly.
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use raven::camera::Cameras;
 use raven::log::{TipObservation, TipStatus};
 
 /// Covariance that observations near `tip_m` share [m^2, frame 0]; `None` without registration or where the cameras do not see the tip.
 #[must_use]
 pub fn covariance(cameras: &Cameras, tip_m: &Vector3<f64>, hard_stop_m: &Vector3<f64>) -> Option<Matrix3<f64>> {
-    let base_from_left = cameras.base_from_left?;
     let quality = &cameras.quality;
     let variance = |std: Option<[f64; 3]>| Matrix3::from_diagonal(&Vector3::from(std.unwrap_or_default().map(|std| std * std)));
     let turned = -(tip_m - hard_stop_m).cross_matrix();
     let pose =
         turned * variance(quality.registration_rotation_std_rad) * turned.transpose() + variance(quality.registration_translation_std_m);
-    let pixels = cameras.project_base(tip_m)?;
-    let by_disparity = Vector2::new(quality.disparity_std_px.unwrap_or(0.0), 0.0);
-    let point = |shift: Vector2<f64>| {
-        let point = cameras.triangulate(&[pixels[0], pixels[1] + shift], &[Matrix2::identity(); 2])?;
-        Some((base_from_left * Point3::from(point.point_left)).coords)
-    };
-    let deeper = 0.5 * (point(by_disparity)? - point(-by_disparity)?);
-    let scale = quality.baseline_std_m.unwrap_or(0.0) / cameras.baseline_m();
-    let larger = scale * (tip_m - base_from_left.translation.vector);
+    let std = cameras.systematic_of_marker();
+    let [by_px, by_scale] = cameras.moved_by_systematic(tip_m)?;
+    let (deeper, larger) = (by_px * std.disparity_px, by_scale * std.scale);
     Some(pose + deeper * deeper.transpose() + larger * larger.transpose())
 }
 
@@ -63,11 +56,11 @@ pub fn metadata(cameras: &Cameras, tips: &[TipObservation], hard_stop_m: &Vector
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Isometry3, UnitQuaternion};
+    use nalgebra::{Isometry3, Matrix2, Point3, UnitQuaternion, Vector2};
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
-    use raven::camera::{Pinhole, Quality};
+    use raven::camera::{CENTRE_STD_PX, Pinhole, Quality};
 
     use super::*;
 
@@ -108,7 +101,8 @@ mod tests {
             off.base_from_left = Some(about * base_from_left);
             off.right.cx += 0.1 * normal();
             off.right_from_left.translation.vector *= 1.0 + 1e-4 / 0.048 * normal();
-            let point = off.triangulate(&pixels, &[Matrix2::identity(); 2]).unwrap().point_left;
+            let seen = pixels.map(|pixel| pixel + Vector2::new(CENTRE_STD_PX * normal(), 0.0));
+            let point = off.triangulate(&seen, &[Matrix2::identity(); 2]).unwrap().point_left;
             let error = (off.base_from_left.unwrap() * Point3::from(point)).coords - tip_m;
             scatter += error * error.transpose() / f64::from(samples);
         }

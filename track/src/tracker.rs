@@ -6,7 +6,7 @@
 
 use nalgebra::{Isometry3, Matrix2, Matrix3, Point3, Vector2, Vector3};
 use raven::Result;
-use raven::camera::{Cameras, StereoPoint};
+use raven::camera::{CALIBRATION_STD_PX, Cameras, StereoPoint};
 use raven::log::{CameraFrame, Side, Stamp};
 
 use crate::lock::Lock;
@@ -15,8 +15,6 @@ use crate::marker::Region;
 use crate::predict::{Predictor, View, view};
 use crate::reason::Reason;
 
-/// Standard deviation of what calibration leaves between the cameras [px].
-pub const CALIBRATION_STD_PX: f64 = 0.5;
 /// Chi-square with one degree of freedom that is exceeded by chance in 1 of 10000: the rays do not meet.
 const EPIPOLAR_CHI2: f64 = 15.1;
 /// Standard deviation of a candidate's area, logarithmic: mask edges, light, motion blur.

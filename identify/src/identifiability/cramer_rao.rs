@@ -27,6 +27,18 @@ pub fn information(jacobian: &Jacobian) -> DMatrix<f64> {
     information
 }
 
+/// The information on the first `n` unknowns, where the others have the prior `N(0, 1)`: `F_aa - F_ab (F_bb + 1)^-1 F_ba`.
+#[must_use]
+pub fn beside_known(information: &DMatrix<f64>, n: usize) -> DMatrix<f64> {
+    let others = information.nrows() - n;
+    let [asked, across, known] = [(0, n, 0, n), (0, n, n, others), (n, others, n, others)]
+        .map(|(row, rows, column, columns)| information.view((row, column), (rows, columns)).into_owned());
+    match (known + DMatrix::identity(others, others)).cholesky() {
+        Some(factor) => asked - &across * factor.solve(&across.transpose()),
+        None => asked,
+    }
+}
+
 /// An information matrix with unit diagonal: what is left is how the unknowns resemble each other.
 #[derive(Debug, Clone)]
 pub struct Scaled {
@@ -83,6 +95,15 @@ mod tests {
         let with_all = scaled.with_all();
         assert_relative_eq!(with_all[0].powi(2), 5.0 / 6.0, epsilon = 1e-12);
         assert_relative_eq!(with_all[1].powi(2), 0.5, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn what_is_known_beside_counts_with_its_prior() {
+        // y = a + b x at x = 0, 1, 2, and b = 0 +- 1 known: F_bb = 5 + 1, so that var a = 1 / (3 - 9/6).
+        let jacobian = vec![vec![Vector3::repeat(1.0)], vec![Vector3::new(0.0, 1.0, 2.0)]];
+        let information = information(&jacobian);
+        assert_relative_eq!(beside_known(&information, 1)[(0, 0)], 1.5, epsilon = 1e-12);
+        assert_eq!(beside_known(&information, 2), information);
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::batch::{Estimate, Residuals};
 use crate::parameters::Quantity;
 use crate::priors::Unknown;
 use crate::problem::Problem;
-use cramer_rao::{Scaled, information};
+use cramer_rao::{Scaled, beside_known, information};
 use weakest::Weakest;
 
 /// Ratio of posterior to prior deviation above which a standard deviation is not to be trusted and the profile is taken.
@@ -59,14 +59,15 @@ impl Identifiability {
     /// # Errors
     /// If the model cannot be evaluated.
     pub fn of(robot: &Robot, problem: &Problem<'_>, unknowns: &[Unknown], estimate: &Estimate) -> Result<Self> {
-        let information = information(&problem.sighting_jacobian(&estimate.z)?);
+        // What the cameras may have wrong is not asked about, and known beforehand.
+        let information = beside_known(&information(&problem.sighting_jacobian(&estimate.z)?), unknowns.len());
         let scaled = Scaled::new(&information);
         let with_all = scaled.with_all();
         let weakest = Weakest::new(&scaled);
-        let all: Vec<usize> = (0..unknowns.len()).collect();
+        let all: Vec<usize> = (0..Residuals::unknowns(problem)).collect();
         // Registration and unnamed hard stops are estimated along; nobody asked for them.
         let asked = |u: &Unknown| !u.quantity.is_registration() && (u.named || !matches!(u.quantity, Quantity::HardStop(_)));
-        let profiled = |k: &usize| asked(&unknowns[*k]) && estimate.std[*k] > PROFILED_ABOVE;
+        let profiled = |k: &usize| unknowns.get(*k).is_some_and(asked) && estimate.std[*k] > PROFILED_ABOVE;
         let mut intervals = vec![None; unknowns.len()];
         if all.iter().any(profiled) {
             let jacobian = problem.jacobian(&estimate.z, &all)?;

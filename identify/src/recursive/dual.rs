@@ -25,6 +25,7 @@ use super::posterior::Posterior;
 use super::scatter::Scatter;
 use super::trace::Trace;
 use super::{FORGOTTEN_S, Run, gate, root};
+use crate::batch::Residuals;
 use crate::motion::Motion;
 use crate::problem::Problem;
 use crate::session::{Session, Sighting};
@@ -70,6 +71,8 @@ struct Dual<'a> {
     about: Option<Belief>,
     scatter: Scatter,
     trace: Trace,
+    /// Which of all recordings' sightings is being taken in.
+    sighting: usize,
 }
 
 /// Where the parameters' prediction starts: image and links there.
@@ -77,9 +80,9 @@ type Start = Option<(f64, States)>;
 
 impl<'a> Dual<'a> {
     fn over(problem: &'a Problem<'a>, horizon: Horizon, scatter: Scatter, about: Option<Belief>) -> Result<Self> {
-        let n = problem.unknowns().len();
+        let n = Residuals::unknowns(problem);
         let parameters = SquareRootUkf::new(DVector::zeros(n), DMatrix::identity(n, n));
-        let mut dual = Self { problem, horizon, parameters, about, scatter, trace: Trace::default() };
+        let mut dual = Self { problem, horizon, parameters, about, scatter, trace: Trace::default(), sighting: 0 };
         for (number, session) in problem.sessions().iter().enumerate() {
             dual.session(number, session)?;
             dual.trace.next_log();
@@ -120,6 +123,7 @@ impl<'a> Dual<'a> {
             }
             let deviations = self.parameters.factor.row_iter().map(|row| row.norm());
             self.trace.push(now, self.parameters.mean.as_slice(), deviations);
+            self.sighting += 1;
         }
         Ok(())
     }
@@ -148,7 +152,7 @@ impl<'a> Dual<'a> {
         let positions = states.covariance().fixed_view::<3, 3>(0, 0).into_owned();
         let of_states = seen_from_joints * positions * seen_from_joints.transpose();
         let Some(noise) = root(&(sighting.covariance_m2 + of_states + self.scatter.covariance_m2(&seen_from_joints))) else { return false };
-        let (problem, horizon, now) = (self.problem, self.horizon, sighting.time_s);
+        let (problem, horizon, now, which) = (self.problem, self.horizon, sighting.time_s, self.sighting);
         let moved = |other: &Links| match start {
             None => other.settled(motion, now),
             Some((from, states)) if horizon == Horizon::Step => other.follow(&states, motion, from, now),
@@ -162,7 +166,9 @@ impl<'a> Dual<'a> {
             let mean = Links::new(problem, &points[0]).map(|other| moved(&other));
             points.par_iter().zip(seen).for_each(|(z, seen)| {
                 let turned_only = z.as_slice()[..of_robot] == points[0].as_slice()[..of_robot];
-                let shown = |other: Links, mean: &States| other.seen_m(&if turned_only { *mean } else { moved(&other) });
+                let shown = |other: Links, mean: &States| {
+                    other.seen_m(&if turned_only { *mean } else { moved(&other) }) + problem.flawed_m(which, z)
+                };
                 let shown = Links::new(problem, z).ok().zip(mean.as_ref().ok()).map(|(other, mean)| shown(other, mean));
                 *seen = shown.unwrap_or_else(|| Vector3::repeat(f64::NAN));
             });
@@ -188,7 +194,8 @@ impl<'a> Dual<'a> {
         }
         let of_misfit = self.scatter.covariance_m2(&renewed.seen_from_joints(&states.mean));
         if let Some(noise) = root(&(sighting.covariance_m2 + of_misfit)) {
-            states.update(&sighting.position_m, |x| renewed.seen_m(x), &noise, gate());
+            let flawed_m = self.problem.flawed_m(self.sighting, self.believed());
+            states.update(&sighting.position_m, |x| renewed.seen_m(x) + flawed_m, &noise, gate());
         }
         Ok(renewed)
     }

@@ -13,6 +13,7 @@ use super::posterior::Posterior;
 use super::scatter::Scatter;
 use super::trace::Trace;
 use super::{FORGOTTEN_S, Run, gate, root};
+use crate::batch::Residuals;
 use crate::motion::Motion;
 use crate::problem::Problem;
 use crate::session::{Session, Sighting};
@@ -22,12 +23,13 @@ const STATES: usize = 6;
 
 /// Runs the joint filter over all sessions, the parameters carried from one to the next.
 pub fn run(problem: &Problem) -> Result<Run> {
-    let n = STATES + problem.unknowns().len();
+    let n = STATES + Residuals::unknowns(problem);
     let mut joint = Joint {
         problem,
         filter: SquareRootUkf::new(DVector::zeros(n), DMatrix::identity(n, n)),
         scatter: Scatter::new(),
         trace: Trace::default(),
+        sighting: 0,
     };
     for (number, session) in problem.sessions().iter().enumerate() {
         joint.session(number, session)?;
@@ -42,6 +44,8 @@ struct Joint<'a> {
     filter: SquareRootUkf<Dyn, 3>,
     scatter: Scatter,
     trace: Trace,
+    /// Which of all recordings' sightings comes next.
+    sighting: usize,
 }
 
 impl Joint<'_> {
@@ -56,6 +60,7 @@ impl Joint<'_> {
             }
             last = Some(now);
             self.correct(sighting, number)?;
+            self.sighting += 1;
             let deviations = self.filter.factor.row_iter().skip(STATES).map(|row| row.norm());
             self.trace.push(now, &self.filter.mean.as_slice()[STATES..], deviations);
         }
@@ -112,10 +117,11 @@ impl Joint<'_> {
         let links = Links::new(self.problem, &parameters(&self.filter.mean))?;
         let seen_from_joints = links.seen_from_joints(&self.filter.mean.fixed_rows::<STATES>(0).into());
         let Some(noise) = root(&(sighting.covariance_m2 + self.scatter.covariance_m2(&seen_from_joints))) else { return Ok(()) };
-        let problem = self.problem;
+        let (problem, which) = (self.problem, self.sighting);
         let show = |point: &DVector<f64>| {
-            let links = Links::new(problem, &parameters(point));
-            links.map_or_else(|_| Vector3::repeat(f64::NAN), |links| links.seen_m(&point.fixed_rows::<STATES>(0).into()))
+            let z = parameters(point);
+            let seen_m = |links: Links| links.seen_m(&point.fixed_rows::<STATES>(0).into()) + problem.flawed_m(which, &z);
+            Links::new(problem, &z).map_or_else(|_| Vector3::repeat(f64::NAN), seen_m)
         };
         let innovation = self.filter.update(&sighting.position_m, show, &noise, gate());
         problem.bound(&mut self.filter.mean.as_mut_slice()[STATES..]);

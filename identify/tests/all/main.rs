@@ -10,4 +10,5 @@ mod recordings;
 mod recursive;
 mod simulated;
 mod soft_cables;
+mod systematic;
 mod virtual_robot;

@@ -5,11 +5,13 @@
 mod file;
 mod pinhole;
 mod stereo;
+mod systematic;
 mod tracked;
 
 pub use file::Quality;
 pub use pinhole::Pinhole;
 pub use stereo::{Cameras, StereoPoint};
+pub use systematic::{CALIBRATION_STD_PX, CENTRE_STD_PX, Systematic};
 
 #[cfg(test)]
 mod tests;

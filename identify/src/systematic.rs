@@ -1,0 +1,64 @@
+//! Systematic errors of the sightings: disparity and scale, which the cameras that placed them have wrong alike in all images.
+//!
+//! Depth is known worst, and an error of depth that grows with it, as a disparity makes it, passes for a radius. Such errors do not average out:
+//! taken for noise they would let a radius claim several times less than it is off by.
+
+use nalgebra::Vector3;
+use raven::camera::{self, Cameras};
+use serde::Serialize;
+
+use crate::batch::Estimate;
+use crate::problem::Flaw;
+use crate::session::{Session, Sighting};
+
+/// The flaws of a problem, and what one prior deviation of each is.
+#[derive(Debug, Clone)]
+pub struct Systematic {
+    /// Disparity and scale; none where no recording says which cameras placed its tips.
+    pub flaws: Vec<Flaw>,
+    std: camera::Systematic,
+}
+
+/// What recordings say of their cameras' systematic errors: value, standard deviation, and that of the calibration.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Found {
+    /// Of the disparity: by how much the right image lies too far right [px].
+    pub disparity_px: [f64; 3],
+    /// Of distances from the left camera: by which part they are too long.
+    pub scale: [f64; 3],
+}
+
+impl Systematic {
+    /// Of recordings, each with the cameras that it was tracked with where it says so.
+    #[must_use]
+    pub fn of(sessions: &[Session], tracked: &[Option<&Cameras>]) -> Self {
+        let Some(std) = tracked.iter().flatten().next().map(|cameras| cameras.systematic_of_marker()) else {
+            return Self { flaws: Vec::new(), std: camera::Systematic { disparity_px: 0.0, scale: 0.0 } };
+        };
+        let placed =
+            sessions.iter().zip(tracked).flat_map(|(session, &cameras)| session.sightings.iter().map(move |sighting| (sighting, cameras)));
+        Self { flaws: flaws(placed).to_vec(), std }
+    }
+
+    /// What an estimate of `unknowns` numbers of the robot says beside them.
+    #[must_use]
+    pub fn found(&self, estimate: &Estimate, unknowns: usize) -> Option<Found> {
+        let of = |k: usize, std: f64| [estimate.z[k] * std, estimate.std[k] * std, std];
+        (!self.flaws.is_empty())
+            .then(|| Found { disparity_px: of(unknowns, self.std.disparity_px), scale: of(unknowns + 1, self.std.scale) })
+    }
+}
+
+/// Disparity and scale as flaws, for sightings each with the cameras that placed it. Of a sighting without cameras nothing is known to be wrong.
+pub fn flaws<'a>(placed: impl IntoIterator<Item = (&'a Sighting, Option<&'a Cameras>)>) -> [Flaw; 2] {
+    let mut flaws = [Flaw::new(), Flaw::new()];
+    for (sighting, cameras) in placed {
+        let moved = cameras.and_then(|cameras| {
+            let std = cameras.systematic_of_marker();
+            let [by_px, by_scale] = cameras.moved_by_systematic(&sighting.position_m)?;
+            Some([by_px * std.disparity_px, by_scale * std.scale])
+        });
+        flaws.iter_mut().zip(moved.unwrap_or([Vector3::zeros(); 2])).for_each(|(flaw, moved)| flaw.push(moved));
+    }
+    flaws
+}

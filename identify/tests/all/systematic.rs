@@ -1,0 +1,86 @@
+//! Cameras that have the disparity and the scale wrong alike in all images.
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use raven::camera::{Cameras, Pinhole, Quality};
+use raven::robot::Robot;
+use raven_identify::batch::Estimate;
+use raven_identify::problem::{Flaw, Problem};
+use raven_identify::recursive::{self, Horizon, Sharing};
+use raven_identify::session::Session;
+use raven_identify::systematic::Systematic;
+
+use super::virtual_robot::{Case, MIDDLE, WIDE, assert_covered, motion, session};
+
+/// Two webcams before the robot, calibrated badly: a disparity that is half a pixel off puts the tip 3 mm too near.
+fn cameras() -> Cameras {
+    let camera = Pinhole { width: 640, height: 480, fx: 600.0, fy: 600.0, cx: 320.0, cy: 240.0, distortion: [0.0; 5] };
+    let turn = Rotation3::from_matrix_unchecked(Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0));
+    let base_from_left = Isometry3::from_parts(Vector3::new(-0.056, -0.423, 0.008).into(), UnitQuaternion::from_rotation_matrix(&turn));
+    Cameras {
+        left: camera,
+        right: camera,
+        right_from_left: Isometry3::translation(-0.048, 0.0, 0.0),
+        base_from_left: Some(base_from_left),
+        latency_s: 0.0,
+        right_minus_left_s: 0.0,
+        quality: Quality { disparity_std_px: Some(0.5), baseline_std_m: Some(1e-4), ..Quality::default() },
+    }
+}
+
+/// What they see of a robot, with their flaws by so many prior deviations.
+fn seen(truth: &Robot, random: &mut ChaCha8Rng) -> (Vec<Session>, Systematic, [f64; 2]) {
+    let mut sessions = vec![session(truth, &motion(40.0, MIDDLE, WIDE), random, 0.0)];
+    let systematic = Systematic::of(&sessions, &[Some(&cameras())]);
+    let off = [0, 1].map(|_| StandardNormal.sample(random));
+    for (i, sighting) in sessions[0].sightings.iter_mut().enumerate() {
+        sighting.position_m += systematic.flaws.iter().zip(off).map(|(flaw, off): (&Flaw, f64)| flaw[i] * off).sum::<Vector3<f64>>();
+    }
+    (sessions, systematic, off)
+}
+
+fn may_hold(case: &Case) -> Vec<bool> {
+    case.may_hold().into_iter().chain([false; 2]).collect()
+}
+
+fn estimate(case: &Case, sessions: &[Session], systematic: &Systematic) -> Estimate {
+    let mut problem = Problem::new(&case.robot, &case.unknowns, sessions).unwrap().with_flaws(systematic.flaws.clone());
+    problem.estimate(&may_hold(case)).unwrap()
+}
+
+#[test]
+fn claimed_deviations_hold_where_all_images_err_alike() {
+    let case = Case::new(&[]);
+    assert_covered(&case, &["r_l1", "latency", "rotation_x", "translation_y"], 40, |truth, random| {
+        let (sessions, systematic, _) = seen(truth, random);
+        estimate(&case, &sessions, &systematic)
+    });
+}
+
+#[test]
+fn every_method_finds_what_the_cameras_have_wrong() {
+    let case = Case::new(&[]);
+    let truth = case.truth(&case.at(&[("r_l1", 0.0598), ("latency", 0.015)]));
+    let (sessions, systematic, off) = seen(&truth, &mut ChaCha8Rng::seed_from_u64(3));
+    let n = case.unknowns.len();
+    let batch = estimate(&case, &sessions, &systematic);
+    let found = systematic.found(&batch, n).unwrap();
+    let [px, std_px, prior_px] = found.disparity_px;
+    assert!((px - off[0] * prior_px).abs() < 3.0 * std_px && std_px < 0.2, "{found:?} of {off:?}");
+    for sharing in [Sharing::Dual(Horizon::Frame), Sharing::Joint] {
+        let mut problem = Problem::new(&case.robot, &case.unknowns, &sessions).unwrap().with_flaws(systematic.flaws.clone());
+        let (filtered, _) = recursive::estimate(&mut problem, sharing, &may_hold(&case)).unwrap();
+        for k in [case.index("r_l1"), n, n + 1] {
+            let apart = (filtered.z[k] - batch.z[k]) / batch.std[k];
+            assert!(apart.abs() < 1.0, "{sharing:?}: unknown {k} is {apart:.2} deviations from the batch's");
+        }
+    }
+}
+
+#[test]
+fn tips_of_no_cameras_have_nothing_in_common() {
+    let sessions = [session(&Case::new(&[]).robot, &motion(20.0, MIDDLE, WIDE), &mut ChaCha8Rng::seed_from_u64(1), 0.0)];
+    assert!(Systematic::of(&sessions, &[None]).flaws.is_empty());
+}
