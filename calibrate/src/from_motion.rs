@@ -17,7 +17,7 @@
 //! Solver, misfit of each joint and blocks of alike residuals are those of `raven-identify`.
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
-use raven::camera::{Cameras, Quality};
+use raven::camera::{Cameras, Quality, SYSTEMATIC};
 use raven::robot::{Observation, Robot};
 use raven::{Error, Result};
 use raven_identify::parameters::{Quantity, Selection};
@@ -201,10 +201,10 @@ fn unknowns(robot: &Robot, before: &Before) -> Result<Vec<Unknown>> {
 }
 
 /// Number of flaws, and which of them is the offset between the cameras.
-const FLAWS: usize = 3;
-const OFFSET: usize = 2;
+const FLAWS: usize = SYSTEMATIC + 1;
+const OFFSET: usize = SYSTEMATIC;
 
-/// What the cameras may have wrong: disparity, scale, and what the epipolar lines leave of the offset.
+/// What the cameras may have wrong: disparity, scale, what changes with the place in the images, and what the epipolar lines leave of the offset.
 fn flaws(cameras: &Cameras, base_from_left: &Isometry3<f64>, taken: &[Taken], offset_std_s: f64) -> Vec<Flaw> {
     let roughly = Cameras { base_from_left: Some(*base_from_left), ..cameras.clone() };
     let placed = taken.iter().flat_map(|taken| &taken.session.sightings).map(|sighting| (sighting, Some(&roughly)));

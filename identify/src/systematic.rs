@@ -1,10 +1,11 @@
-//! Systematic errors of the sightings: disparity and scale, which the cameras that placed them have wrong alike in all images.
+//! Systematic errors of the sightings: disparity, scale, and what changes with the place in the images, which the cameras that placed them have wrong
+//! alike in all images.
 //!
 //! Depth is known worst, and an error of depth that grows with it, as a disparity makes it, passes for a radius. Such errors do not average out:
 //! taken for noise they would let a radius claim several times less than it is off by.
 
 use nalgebra::Vector3;
-use raven::camera::{self, Cameras};
+use raven::camera::{self, Cameras, SYSTEMATIC};
 use serde::Serialize;
 
 use crate::batch::Estimate;
@@ -14,7 +15,7 @@ use crate::session::{Session, Sighting};
 /// The flaws of a problem, and what one prior deviation of each is.
 #[derive(Debug, Clone)]
 pub struct Systematic {
-    /// Disparity and scale; none where no recording says which cameras placed its tips.
+    /// Disparity, scale, and what changes with the place in the images; none where no recording says which cameras placed its tips.
     pub flaws: Vec<Flaw>,
     std: camera::Systematic,
 }
@@ -33,7 +34,7 @@ impl Systematic {
     #[must_use]
     pub fn of(sessions: &[Session], tracked: &[Option<&Cameras>]) -> Self {
         let Some(std) = tracked.iter().flatten().next().map(|cameras| cameras.systematic_of_marker()) else {
-            return Self { flaws: Vec::new(), std: camera::Systematic { disparity_px: 0.0, scale: 0.0 } };
+            return Self { flaws: Vec::new(), std: camera::Systematic { disparity_px: 0.0, scale: 0.0, place_px: 0.0 } };
         };
         let placed =
             sessions.iter().zip(tracked).flat_map(|(session, &cameras)| session.sightings.iter().map(move |sighting| (sighting, cameras)));
@@ -49,16 +50,12 @@ impl Systematic {
     }
 }
 
-/// Disparity and scale as flaws, for sightings each with the cameras that placed it. Of a sighting without cameras nothing is known to be wrong.
-pub fn flaws<'a>(placed: impl IntoIterator<Item = (&'a Sighting, Option<&'a Cameras>)>) -> [Flaw; 2] {
-    let mut flaws = [Flaw::new(), Flaw::new()];
+/// What cameras have wrong alike, as flaws, for sightings each with the cameras that placed it. Of a sighting without cameras nothing is known to be wrong.
+pub fn flaws<'a>(placed: impl IntoIterator<Item = (&'a Sighting, Option<&'a Cameras>)>) -> [Flaw; SYSTEMATIC] {
+    let mut flaws = [const { Flaw::new() }; SYSTEMATIC];
     for (sighting, cameras) in placed {
-        let moved = cameras.and_then(|cameras| {
-            let std = cameras.systematic_of_marker();
-            let [by_px, by_scale] = cameras.moved_by_systematic(&sighting.position_m)?;
-            Some([by_px * std.disparity_px, by_scale * std.scale])
-        });
-        flaws.iter_mut().zip(moved.unwrap_or([Vector3::zeros(); 2])).for_each(|(flaw, moved)| flaw.push(moved));
+        let moved = cameras.and_then(|cameras| cameras.moved_by(&cameras.systematic_of_marker(), &sighting.position_m));
+        flaws.iter_mut().zip(moved.unwrap_or([Vector3::zeros(); SYSTEMATIC])).for_each(|(flaw, moved)| flaw.push(moved));
     }
     flaws
 }

@@ -3,11 +3,11 @@
 //! The covariance of an observation holds what differs from frame to frame. The rest does not average out, so it is said apart, per point:
 //!
 //! ```text
-//! C = X diag(rotation) X' + diag(translation) + d d' + s s',   X = -[p - p_hs]x
+//! C = X diag(rotation) X' + diag(translation) + sum_k d_k d_k',   X = -[p - p_hs]x
 //! ```
 //!
-//! with `p_hs` the tip at the hard stop, about which the registration turns, `d` and `s` the shifts of the point by one standard deviation of the
-//! disparity, the marker's centres included, and of the scale. A registration whose file does not say counts as known exactly.
+//! with `p_hs` the tip at the hard stop, about which the registration turns, and `d_k` the shifts of the point by one standard deviation each of the
+//! disparity, the scale, and what of the marker's centres changes with the place. A registration whose file does not say counts as known exactly.
 
 use std::collections::BTreeMap;
 
@@ -23,10 +23,8 @@ pub fn covariance(cameras: &Cameras, tip_m: &Vector3<f64>, hard_stop_m: &Vector3
     let turned = -(tip_m - hard_stop_m).cross_matrix();
     let pose =
         turned * variance(quality.registration_rotation_std_rad) * turned.transpose() + variance(quality.registration_translation_std_m);
-    let std = cameras.systematic_of_marker();
-    let [by_px, by_scale] = cameras.moved_by_systematic(tip_m)?;
-    let (deeper, larger) = (by_px * std.disparity_px, by_scale * std.scale);
-    Some(pose + deeper * deeper.transpose() + larger * larger.transpose())
+    let moved = cameras.moved_by(&cameras.systematic_of_marker(), tip_m)?;
+    Some(pose + moved.iter().map(|moved| moved * moved.transpose()).sum::<Matrix3<f64>>())
 }
 
 /// The covariance that all tips of a log share [m^2], at the mean of those that were seen, and that mean [m].

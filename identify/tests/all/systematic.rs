@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use raven::camera::{Cameras, Pinhole, Quality};
+use raven::camera::{Cameras, Pinhole, Quality, SYSTEMATIC};
 use raven::robot::Robot;
 use raven_identify::batch::Estimate;
 use raven_identify::problem::{Flaw, Problem};
@@ -31,10 +31,10 @@ fn cameras() -> Cameras {
 }
 
 /// What they see of a robot, with their flaws by so many prior deviations.
-fn seen(truth: &Robot, random: &mut ChaCha8Rng) -> (Vec<Session>, Systematic, [f64; 2]) {
+fn seen(truth: &Robot, random: &mut ChaCha8Rng) -> (Vec<Session>, Systematic, [f64; SYSTEMATIC]) {
     let mut sessions = vec![session(truth, &motion(40.0, MIDDLE, WIDE), random, 0.0)];
     let systematic = Systematic::of(&sessions, &[Some(&cameras())]);
-    let off = [0, 1].map(|_| StandardNormal.sample(random));
+    let off = [(); SYSTEMATIC].map(|()| StandardNormal.sample(random));
     for (i, sighting) in sessions[0].sightings.iter_mut().enumerate() {
         sighting.position_m += systematic.flaws.iter().zip(off).map(|(flaw, off): (&Flaw, f64)| flaw[i] * off).sum::<Vector3<f64>>();
     }
@@ -42,7 +42,7 @@ fn seen(truth: &Robot, random: &mut ChaCha8Rng) -> (Vec<Session>, Systematic, [f
 }
 
 fn may_hold(case: &Case) -> Vec<bool> {
-    case.may_hold().into_iter().chain([false; 2]).collect()
+    case.may_hold().into_iter().chain([false; SYSTEMATIC]).collect()
 }
 
 fn estimate(case: &Case, sessions: &[Session], systematic: &Systematic) -> Estimate {

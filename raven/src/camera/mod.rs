@@ -11,7 +11,7 @@ mod tracked;
 pub use file::Quality;
 pub use pinhole::Pinhole;
 pub use stereo::{Cameras, StereoPoint};
-pub use systematic::{CALIBRATION_STD_PX, CENTRE_STD_PX, Systematic};
+pub use systematic::{CALIBRATION_STD_PX, CENTRE_STD_PX, SYSTEMATIC, Systematic};
 
 #[cfg(test)]
 mod tests;
