@@ -96,15 +96,32 @@ mod tests {
 
     #[test]
     fn what_is_typed_is_what_is_looked_for_and_can_be_typed_again() {
-        let typed = ["x", "--hue", "340..20", "--min-saturation", "0.3", "--min-value", "0.05", "--marker-radius", "0.004"];
+        let typed = [
+            "x",
+            "--hue",
+            "340..20",
+            "--min-saturation",
+            "0.3",
+            "--min-value",
+            "0.05",
+            "--marker-radius",
+            "0.004",
+            "--shaft-radius",
+            "0.004",
+        ];
         let line = Line::try_parse_from(typed).unwrap().appearance;
         let marker = line.marker(Centre::Ball);
         assert_eq!(marker.colour, MarkerColour { hue_deg: [340.0, 20.0], min_saturation: 0.3, min_value: 0.05 });
-        assert_eq!((line.options(), marker.radius_m), (typed[1..].join(" "), 0.004));
+        assert_eq!((line.options(), marker.radius_m, marker.shaft_radius_m), (typed[1..].join(" "), 0.004, 0.004));
+        let usual = Line::try_parse_from(&typed[..9]).unwrap().appearance;
+        assert_eq!((usual.options(), usual.shaft_radius_m), (typed[1..9].join(" "), SHAFT_RADIUS_M));
         assert_eq!(Line::try_parse_from(["x"]).unwrap().appearance.marker(Centre::Ball).colour, MarkerColour::default());
-        for (wrong, sentence) in
-            [("--marker-radius=5", "millimetres"), ("--hue=green", "no range of degrees"), ("--min-value=2", "between 0 and 1")]
-        {
+        for (wrong, sentence) in [
+            ("--marker-radius=5", "millimetres"),
+            ("--shaft-radius=-0.1", "millimetres"),
+            ("--hue=green", "no range of degrees"),
+            ("--min-value=2", "between 0 and 1"),
+        ] {
             let refused = Line::try_parse_from(["x", wrong]).unwrap_err().to_string();
             assert!(refused.contains(sentence), "{refused}");
         }
