@@ -33,7 +33,7 @@ impl Systematic {
     /// Of recordings, each with the cameras that it was tracked with where it says so.
     #[must_use]
     pub fn of(sessions: &[Session], tracked: &[Option<&Cameras>]) -> Self {
-        let Some(std) = tracked.iter().flatten().next().map(|cameras| cameras.systematic_of_marker()) else {
+        let Some(std) = tracked.iter().flatten().next().map(|cameras| cameras.systematic()) else {
             return Self { flaws: Vec::new(), std: camera::Systematic { disparity_px: 0.0, scale: 0.0, place_px: 0.0 } };
         };
         let placed =
@@ -54,7 +54,7 @@ impl Systematic {
 pub fn flaws<'a>(placed: impl IntoIterator<Item = (&'a Sighting, Option<&'a Cameras>)>) -> [Flaw; SYSTEMATIC] {
     let mut flaws = [const { Flaw::new() }; SYSTEMATIC];
     for (sighting, cameras) in placed {
-        let moved = cameras.and_then(|cameras| cameras.moved_by(&cameras.systematic_of_marker(), &sighting.position_m));
+        let moved = cameras.and_then(|cameras| cameras.moved_by(&cameras.systematic(), &sighting.position_m));
         flaws.iter_mut().zip(moved.unwrap_or([Vector3::zeros(); SYSTEMATIC])).for_each(|(flaw, moved)| flaw.push(moved));
     }
     flaws

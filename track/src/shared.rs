@@ -23,7 +23,7 @@ pub fn covariance(cameras: &Cameras, tip_m: &Vector3<f64>, hard_stop_m: &Vector3
     let turned = -(tip_m - hard_stop_m).cross_matrix();
     let pose =
         turned * variance(quality.registration_rotation_std_rad) * turned.transpose() + variance(quality.registration_translation_std_m);
-    let moved = cameras.moved_by(&cameras.systematic_of_marker(), tip_m)?;
+    let moved = cameras.moved_by(&cameras.systematic(), tip_m)?;
     Some(pose + moved.iter().map(|moved| moved * moved.transpose()).sum::<Matrix3<f64>>())
 }
 

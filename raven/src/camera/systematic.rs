@@ -35,23 +35,15 @@ pub struct Systematic {
 }
 
 impl Cameras {
-    /// What the calibration leaves unknown of every point alike, the poses before the robot apart; the usual, where it does not say.
+    /// What calibration and marker leave unknown of every point alike, the poses before the robot apart; the usual, where the calibration does not say.
     #[must_use]
     pub fn systematic(&self) -> Systematic {
-        let quality = &self.quality;
+        let calibration_px = self.quality.disparity_std_px.unwrap_or(CALIBRATION_STD_PX);
         Systematic {
-            disparity_px: quality.disparity_std_px.unwrap_or(CALIBRATION_STD_PX),
-            scale: quality.baseline_std_m.map_or(SCALE_STD, |std| std / self.baseline_m()),
-            place_px: 0.0,
+            disparity_px: calibration_px.hypot(CENTRE_STD_PX * std::f64::consts::SQRT_2),
+            scale: self.quality.baseline_std_m.map_or(SCALE_STD, |std| std / self.baseline_m()),
+            place_px: PLACE_STD_PX,
         }
-    }
-
-    /// The same of a marker's centre, which each camera takes for another place.
-    #[must_use]
-    pub fn systematic_of_marker(&self) -> Systematic {
-        let calibration = self.systematic();
-        let disparity_px = calibration.disparity_px.hypot(CENTRE_STD_PX * std::f64::consts::SQRT_2);
-        Systematic { disparity_px, place_px: PLACE_STD_PX, ..calibration }
     }
 
     /// How far `tip_m` is off by what is one deviation each of the disparity, of the scale, and of what changes with the place in the images: of `u`
@@ -133,10 +125,13 @@ mod tests {
 
     #[test]
     fn what_a_calibration_claims_counts_and_the_marker_beside_it() {
+        let centre2 = 2.0 * 0.02 * 0.02;
         let unsaid = side_by_side(Quality::default()).systematic();
-        assert_eq!(unsaid, Systematic { disparity_px: 0.5, scale: 0.002, place_px: 0.0 });
-        let said = side_by_side(Quality { disparity_std_px: Some(0.03), baseline_std_m: Some(2.5e-5), ..Quality::default() });
-        assert_relative_eq!(said.systematic().scale, 5e-4, epsilon = 1e-12);
-        assert_relative_eq!(said.systematic_of_marker().disparity_px.powi(2), 0.03 * 0.03 + 2.0 * 0.02 * 0.02, epsilon = 1e-12);
+        assert_relative_eq!(unsaid.disparity_px.powi(2), 0.5 * 0.5 + centre2, epsilon = 1e-12);
+        assert_eq!(unsaid.scale, 0.002);
+        let quality = Quality { disparity_std_px: Some(0.03), baseline_std_m: Some(2.5e-5), ..Quality::default() };
+        let said = side_by_side(quality).systematic();
+        assert_relative_eq!(said.disparity_px.powi(2), 0.03 * 0.03 + centre2, epsilon = 1e-12);
+        assert_relative_eq!(said.scale, 5e-4, epsilon = 1e-12);
     }
 }

@@ -5,10 +5,11 @@ use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use raven::log::{CameraFrame, FrameData, Sampling, Side, Stamp};
+use raven::log::Sampling;
 use raven::stats::rms;
 use rayon::prelude::*;
 
+use super::decoded;
 use super::exact::{Drawn, SIDE};
 use crate::centre::Ball;
 use crate::colour::MarkerColour;
@@ -37,15 +38,7 @@ fn compressed(image: &RgbImage, quality: u8, sampling: SamplingFactor) -> (RgbIm
     encoder.set_sampling_factor(sampling);
     encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
     encoder.encode(image.as_raw(), SIDE as u16, SIDE as u16, ColorType::Rgb).unwrap();
-    let frame = CameraFrame {
-        side: Side::Left,
-        stamp: Stamp(1),
-        log_time: Stamp(1),
-        frame_id: String::new(),
-        sequence: None,
-        data: FrameData::Jpeg(jpeg),
-    };
-    (frame.decode_rgb().unwrap(), frame.sampling())
+    decoded(jpeg)
 }
 
 const KINDS: [Centre; 3] = [Centre::Contour, Centre::Ball, Centre::Refined];

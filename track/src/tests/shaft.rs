@@ -4,9 +4,9 @@ use nalgebra::{Isometry3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use raven::camera::Pinhole;
-use raven::log::{CameraFrame, FrameData, Side, Stamp};
 use raven::simulation::{MARKER_RADIUS_M, Renderer, Sensor, Tool};
 
+use super::decoded;
 use crate::colour::MarkerColour;
 use crate::marker::{Blobs, Centre};
 use crate::perspective::ball_centre;
@@ -28,15 +28,7 @@ fn towards_shaft_px(seed: u64) -> [Vec<f64>; 2] {
         let mut canvas = renderer.canvas();
         renderer.draw_tool(&mut canvas, |_| Tool { tip, axis });
         let jpeg = sensor.jpeg(&sensor.expose(&canvas, 320, 1.0, &mut rng), 320, 240).unwrap();
-        let frame = CameraFrame {
-            side: Side::Left,
-            stamp: Stamp(1),
-            log_time: Stamp(1),
-            frame_id: String::new(),
-            sequence: None,
-            data: FrameData::Jpeg(jpeg),
-        };
-        let (image, sampling) = (frame.decode_rgb().unwrap(), frame.sampling());
+        let (image, sampling) = decoded(jpeg);
         let true_px = camera.project(&tip).unwrap();
         let direction: Vector2<f64> = (camera.project(&(tip + 5e-3 * axis)).unwrap() - true_px).normalize();
         let shaft = Shaft { direction, radius_px: 0.5 * MARKER_RADIUS_M / tip.z * camera.fx };
