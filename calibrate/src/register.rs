@@ -22,7 +22,7 @@ use crate::from_motion::{self, Before};
 use crate::hard_stop::{self, AtHardStop};
 use crate::mount::Mount;
 use crate::moving::Moving;
-use crate::registration::{Report, contradiction};
+use crate::registration::{Report, contradiction, unknown_latency};
 
 /// What `--rotation` says where the rotation is to be found out.
 const ESTIMATE: &str = "estimate";
@@ -116,6 +116,8 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     let text = report.text(&robot, mount.as_ref().map(|mount| (axes, mount)), args.rotation_std_deg);
     cli::results(out, &text, args.json.as_deref(), &report)?;
     report.motion.iter().filter_map(|motion| contradiction(motion, &robot)).for_each(|sentence| cli::warn(&sentence));
+    let latency_s = report.latency_s.zip(report.latency_std_s);
+    latency_s.and_then(|(value, std)| unknown_latency([value, std])).iter().for_each(|sentence| cli::warn(sentence));
     if lost > 0 {
         cli::warn(&format!(
             "{lost} frames were left out: they could not be decoded, or have not the size that the cameras were calibrated with."

@@ -201,6 +201,22 @@ impl PoseReport {
     }
 }
 
+/// Standard deviation of a latency from which on it is worth nothing [s]: a tip at 50 mm/s is a millimetre off by it.
+const LATENCY_TELLS_S: f64 = 0.02;
+
+/// A sentence where a motion does not tell the latency.
+#[must_use]
+pub fn unknown_latency([latency_s, std_s]: [f64; 2]) -> Option<String> {
+    (std_s > LATENCY_TELLS_S).then(|| {
+        format!(
+            "the latency came out at {:.0} +- {:.0} ms, which is no use: images and motors do not agree on one. A clock that steps or runs away during the \
+             recording does that, as `raven-capture check` would show, and so does a robot that hardly moves; record the motion again.",
+            1e3 * latency_s,
+            1e3 * std_s
+        )
+    })
+}
+
 /// A sentence, if the motion puts the tip at the hard stop elsewhere than a rigid stop allows.
 #[must_use]
 pub fn contradiction(motion: &MotionReport, robot: &Robot) -> Option<String> {
@@ -217,4 +233,16 @@ pub fn contradiction(motion: &MotionReport, robot: &Robot) -> Option<String> {
             all.join(" and ")
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_latency_that_no_motion_tells_is_no_use() {
+        let said = unknown_latency([0.199, 0.099]).unwrap();
+        assert!(said.contains("199 +- 99 ms") && said.contains("raven-capture check"), "{said}");
+        assert_eq!(unknown_latency([0.0158, 0.0005]), None);
+    }
 }
