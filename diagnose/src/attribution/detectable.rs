@@ -28,6 +28,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::NotObservable;
+use super::information::{CLOSE, Information};
 use crate::evidence::fit::linear::{dot, gram};
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::coordinates::ABSENT;
@@ -74,8 +75,7 @@ const BORNE: f64 = 3.0;
 /// Sizes are tried by this factor, from so many slabs on.
 const TRIED: f64 = 1.02;
 const LEAST: f64 = 1e-3;
-/// What a size changes is known well enough from one that is off by no more than this factor, and after so many others at the latest.
-const CLOSE: f64 = 1.1;
+/// After so many sizes what one changes is known well enough at the latest, however far it is from them.
 const STEPS_MAX: usize = 10;
 /// Shapes are tried so far from their middle, at so many places.
 const REACH: f64 = 2.5;
@@ -237,41 +237,6 @@ impl<'a> Without<'a> {
     }
 }
 
-/// What is known of `S` by size, in rising order.
-struct Information(Vec<(f64, f64)>);
-
-impl Information {
-    /// Between sizes that are known as a power of the size, and beyond them as at the next.
-    fn at(&self, u: f64) -> f64 {
-        let after = self.0.partition_point(|(known, _)| *known < u);
-        let [before, after] = [after.checked_sub(1).map(|k| self.0[k]), self.0.get(after).copied()];
-        match (before, after) {
-            (Some((u0, s0)), Some((u1, s1))) if s0.min(s1) > 0.0 => s0 * (s1 / s0).powf((u / u0).ln() / (u1 / u0).ln()),
-            (Some((u0, s0)), Some((u1, s1))) => s0 + (s1 - s0) * (u - u0) / (u1 - u0),
-            (Some((_, s)), None) | (None, Some((_, s))) => s,
-            (None, None) => 0.0,
-        }
-    }
-
-    /// That of a size that is close.
-    fn near(&self, u: f64) -> Option<f64> {
-        let off = |(known, _): &(f64, f64)| (known / u).ln().abs();
-        self.0.iter().filter(|known| off(known) <= CLOSE.ln()).min_by(|a, b| off(a).total_cmp(&off(b))).map(|(_, s)| *s)
-    }
-
-    /// The geometric mean of the two known sizes that one lies between: where little is changed from some size on, the way there is short.
-    fn middle(&self, u: f64) -> f64 {
-        let after = self.0.partition_point(|(known, _)| *known < u);
-        let beside = after.checked_sub(1).and_then(|k| self.0.get(k..k + 2));
-        beside.map_or(u, |pair| (pair[0].0 * pair[1].0).sqrt())
-    }
-
-    fn learn(&mut self, u: f64, information: f64) {
-        let at = self.0.partition_point(|(known, _)| *known < u);
-        self.0.insert(at, (u, information));
-    }
-}
-
 /// The largest size that is tried [slabs].
 fn largest_tried(n: usize) -> f64 {
     sizes::largest() * (n as f64).sqrt()
@@ -403,18 +368,6 @@ mod tests {
         let none = fitter.fit(&[], &fitter.nowhere(), None).unwrap().unwrap();
         let smallest = smallest(&fitter, &Outcome::begun(none, 1)).unwrap();
         assert!((0.5..0.7).contains(&smallest[0].u), "{}", smallest[0].u);
-    }
-
-    #[test]
-    fn information_is_a_power_of_the_size_between_those_that_are_known() {
-        let mut information = Information(vec![(1.0, 9.0)]);
-        information.learn(0.01, 0.09);
-        assert_relative_eq!(information.at(0.1), 0.9, epsilon = 1e-12);
-        assert_eq!([0.001, 5.0].map(|u| information.at(u)), [0.09, 9.0]);
-        assert_eq!([0.0105, 0.1].map(|u| information.near(u)), [Some(0.09), None]);
-        assert_relative_eq!(information.middle(0.03), 0.1, epsilon = 1e-12);
-        information.learn(0.1, 0.0);
-        assert_relative_eq!(information.at(0.055), 0.045, epsilon = 1e-12);
     }
 
     #[test]

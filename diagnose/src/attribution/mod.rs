@@ -5,6 +5,7 @@ mod closure;
 mod detectable;
 mod file_numbers;
 mod fitness;
+mod information;
 mod remaining;
 mod ties;
 mod unknown;
