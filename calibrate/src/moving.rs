@@ -145,14 +145,10 @@ impl Taken {
         base_from_left: &Isometry3<f64>,
         shift: impl Fn(&Interpolated) -> Vector2<f64>,
     ) -> Vec<Vector3<f64>> {
-        let unit = [Matrix2::identity(); 2];
-        let point = |pixels: [Vector2<f64>; 2]| cameras.triangulate(&pixels, &unit).map(|point| point.point_left);
         let moved = |[left, right]: &[Interpolated; 2]| {
-            let by = shift(right);
-            let (Some(ahead), Some(behind)) = (point([left.pixel, right.pixel + by]), point([left.pixel, right.pixel - by])) else {
-                return Vector3::zeros();
-            };
-            base_from_left * (0.5 * (ahead - behind))
+            let by = [Vector2::zeros(), shift(right)];
+            let moved = cameras.moved_by_pixels(&[left.pixel, right.pixel], &[Matrix2::identity(); 2], &by);
+            moved.map_or_else(Vector3::zeros, |moved| base_from_left * moved)
         };
         self.seen.iter().map(moved).collect()
     }

@@ -1,6 +1,6 @@
 //! Tip observations from the two cameras' tracks: one for each left frame, with the right track interpolated at its time.
 
-use nalgebra::{Isometry3, Matrix3, Matrix3x4, Matrix4, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix3x4, Matrix4, Point3, Vector2, Vector3};
 use raven::camera::{Cameras, StereoPoint};
 use raven::log::{CameraSkew, Stamp, TipObservation, TipStatus};
 
@@ -77,12 +77,9 @@ pub fn triangulate(cameras: &Cameras, seen: &[Interpolated; 2]) -> Option<Stereo
     let point = cameras.triangulate(&pixels, &covariances)?;
     let mut slope = Matrix3x4::zeros();
     for k in 0..4 {
-        let at = |step: f64| {
-            let mut moved = pixels;
-            moved[k / 2][k % 2] += step;
-            cameras.triangulate(&moved, &covariances).map(|point| point.point_left)
-        };
-        slope.set_column(k, &((at(STEP_PX)? - at(-STEP_PX)?) / (2.0 * STEP_PX)));
+        let mut by = [Vector2::zeros(); 2];
+        by[k / 2][k % 2] = STEP_PX;
+        slope.set_column(k, &(cameras.moved_by_pixels(&pixels, &covariances, &by)? / STEP_PX));
     }
     let mut of_pixels = Matrix4::zeros();
     of_pixels.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariances[0]);

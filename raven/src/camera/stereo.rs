@@ -80,6 +80,18 @@ impl Cameras {
         None
     }
 
+    /// How far the point of two pixels goes, in the left camera's frame, while they go by `by` [m]: half of what lies between there and as far behind.
+    #[must_use]
+    pub fn moved_by_pixels(
+        &self,
+        pixels: &[Vector2<f64>; 2],
+        covariance: &[Matrix2<f64>; 2],
+        by: &[Vector2<f64>; 2],
+    ) -> Option<Vector3<f64>> {
+        let point = |sign: f64| Some(self.triangulate(&[0, 1].map(|k| pixels[k] + sign * by[k]), covariance)?.point_left);
+        Some(0.5 * (point(1.0)? - point(-1.0)?))
+    }
+
     /// Nearest point between the two rays, the start of [`Self::triangulate`].
     fn midpoint(&self, pixels: &[Vector2<f64>; 2]) -> Option<Vector3<f64>> {
         let left = self.left.undistort(&pixels[0])?.push(1.0);

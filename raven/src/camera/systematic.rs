@@ -53,20 +53,17 @@ impl Cameras {
         // Far below a pixel the slope is straight.
         const STEP_PX: f64 = 0.05;
         let base_from_left = self.base_from_left?;
-        let [left, right] = self.project_base(tip_m)?;
-        let by_px = |of_left: Vector2<f64>, of_right: Vector2<f64>| {
-            let point = |step_px: f64| {
-                let moved = [left + of_left * step_px, right + of_right * step_px];
-                Some(self.triangulate(&moved, &[Matrix2::identity(); 2])?.point_left)
-            };
-            Some(base_from_left * ((point(STEP_PX)? - point(-STEP_PX)?) / (2.0 * STEP_PX)))
+        let pixels = self.project_base(tip_m)?;
+        let by_px = |directions: [Vector2<f64>; 2]| {
+            let moved = self.moved_by_pixels(&pixels, &[Matrix2::identity(); 2], &directions.map(|along| STEP_PX * along))?;
+            Some(base_from_left * (moved / STEP_PX))
         };
         let half_px = 0.5 * f64::from(self.left.width);
-        let from_middle = (left - 0.5 * Vector2::new(f64::from(self.left.width), f64::from(self.left.height))) / half_px;
-        let (u, v) = (by_px(Vector2::x(), Vector2::x())?, by_px(Vector2::y(), Vector2::y())?);
+        let from_middle = (pixels[0] - 0.5 * Vector2::new(f64::from(self.left.width), f64::from(self.left.height))) / half_px;
+        let (u, v) = (by_px([Vector2::x(); 2])?, by_px([Vector2::y(); 2])?);
         let larger = tip_m - base_from_left.translation.vector;
         Some([
-            by_px(Vector2::zeros(), Vector2::x())? * std.disparity_px,
+            by_px([Vector2::zeros(), Vector2::x()])? * std.disparity_px,
             larger * std.scale,
             u * (from_middle.x * std.place_px),
             u * (from_middle.y * std.place_px),
