@@ -195,14 +195,11 @@ impl Report {
             };
             warnings.push(format!("{name} is {off:.1} prior deviations from what the files say of it; {advice}."));
         }
-        if let Some(Found { disparity_px, scale }) = self.cameras {
-            for (what, [value, _, std]) in [("disparity", disparity_px), ("scale", scale)] {
-                let off = (value / std).abs();
-                if off > CONTRADICTION {
-                    warnings.push(format!(
-                        "the cameras' {what} is {off:.1} deviations from what their calibration says; calibrate them again."
-                    ));
-                }
+        for (what, [value, _, std]) in self.cameras.iter().flat_map(|found| [("disparity", found.disparity_px), ("scale", found.scale)]) {
+            let off = (value / std).abs();
+            if off > CONTRADICTION {
+                warnings
+                    .push(format!("the cameras' {what} is {off:.1} deviations from what their calibration says; calibrate them again."));
             }
         }
         warnings.extend(self.misfit());

@@ -17,7 +17,7 @@ use crate::session::{Session, Sighting};
 pub struct Systematic {
     /// Disparity, scale, and what changes with the place in the images; none where no recording says which cameras placed its tips.
     pub flaws: Vec<Flaw>,
-    std: camera::Systematic,
+    std: Option<camera::Systematic>,
 }
 
 /// What recordings say of their cameras' systematic errors: value, standard deviation, and that of the calibration.
@@ -33,20 +33,17 @@ impl Systematic {
     /// Of recordings, each with the cameras that it was tracked with where it says so.
     #[must_use]
     pub fn of(sessions: &[Session], tracked: &[Option<&Cameras>]) -> Self {
-        let Some(std) = tracked.iter().flatten().next().map(|cameras| cameras.systematic()) else {
-            return Self { flaws: Vec::new(), std: camera::Systematic { disparity_px: 0.0, scale: 0.0, place_px: 0.0 } };
-        };
+        let std = tracked.iter().flatten().next().map(|cameras| cameras.systematic());
         let placed =
             sessions.iter().zip(tracked).flat_map(|(session, &cameras)| session.sightings.iter().map(move |sighting| (sighting, cameras)));
-        Self { flaws: flaws(placed).to_vec(), std }
+        Self { flaws: std.map_or_else(Vec::new, |_| flaws(placed).to_vec()), std }
     }
 
     /// What an estimate of `unknowns` numbers of the robot says beside them.
     #[must_use]
     pub fn found(&self, estimate: &Estimate, unknowns: usize) -> Option<Found> {
         let of = |k: usize, std: f64| [estimate.z[k] * std, estimate.std[k] * std, std];
-        (!self.flaws.is_empty())
-            .then(|| Found { disparity_px: of(unknowns, self.std.disparity_px), scale: of(unknowns + 1, self.std.scale) })
+        self.std.map(|std| Found { disparity_px: of(unknowns, std.disparity_px), scale: of(unknowns + 1, std.scale) })
     }
 }
 

@@ -71,8 +71,6 @@ struct Dual<'a> {
     about: Option<Belief>,
     scatter: Scatter,
     trace: Trace,
-    /// Which of all recordings' sightings is being taken in.
-    sighting: usize,
 }
 
 /// Where the parameters' prediction starts: image and links there.
@@ -82,7 +80,7 @@ impl<'a> Dual<'a> {
     fn over(problem: &'a Problem<'a>, horizon: Horizon, scatter: Scatter, about: Option<Belief>) -> Result<Self> {
         let n = Residuals::unknowns(problem);
         let parameters = SquareRootUkf::new(DVector::zeros(n), DMatrix::identity(n, n));
-        let mut dual = Self { problem, horizon, parameters, about, scatter, trace: Trace::default(), sighting: 0 };
+        let mut dual = Self { problem, horizon, parameters, about, scatter, trace: Trace::default() };
         for (number, session) in problem.sessions().iter().enumerate() {
             dual.session(number, session)?;
             dual.trace.next_log();
@@ -123,7 +121,6 @@ impl<'a> Dual<'a> {
             }
             let deviations = self.parameters.factor.row_iter().map(|row| row.norm());
             self.trace.push(now, self.parameters.mean.as_slice(), deviations);
-            self.sighting += 1;
         }
         Ok(())
     }
@@ -152,7 +149,7 @@ impl<'a> Dual<'a> {
         let positions = states.covariance().fixed_view::<3, 3>(0, 0).into_owned();
         let of_states = seen_from_joints * positions * seen_from_joints.transpose();
         let Some(noise) = root(&(sighting.covariance_m2 + of_states + self.scatter.covariance_m2(&seen_from_joints))) else { return false };
-        let (problem, horizon, now, which) = (self.problem, self.horizon, sighting.time_s, self.sighting);
+        let (problem, horizon, now, which) = (self.problem, self.horizon, sighting.time_s, self.trace.sightings());
         let moved = |other: &Links| match start {
             None => other.settled(motion, now),
             Some((from, states)) if horizon == Horizon::Step => other.follow(&states, motion, from, now),
@@ -194,7 +191,7 @@ impl<'a> Dual<'a> {
         }
         let of_misfit = self.scatter.covariance_m2(&renewed.seen_from_joints(&states.mean));
         if let Some(noise) = root(&(sighting.covariance_m2 + of_misfit)) {
-            let flawed_m = self.problem.flawed_m(self.sighting, self.believed());
+            let flawed_m = self.problem.flawed_m(self.trace.sightings(), self.believed());
             states.update(&sighting.position_m, |x| renewed.seen_m(x) + flawed_m, &noise, gate());
         }
         Ok(renewed)

@@ -29,7 +29,6 @@ pub fn run(problem: &Problem) -> Result<Run> {
         filter: SquareRootUkf::new(DVector::zeros(n), DMatrix::identity(n, n)),
         scatter: Scatter::new(),
         trace: Trace::default(),
-        sighting: 0,
     };
     for (number, session) in problem.sessions().iter().enumerate() {
         joint.session(number, session)?;
@@ -44,8 +43,6 @@ struct Joint<'a> {
     filter: SquareRootUkf<Dyn, 3>,
     scatter: Scatter,
     trace: Trace,
-    /// Which of all recordings' sightings comes next.
-    sighting: usize,
 }
 
 impl Joint<'_> {
@@ -60,7 +57,6 @@ impl Joint<'_> {
             }
             last = Some(now);
             self.correct(sighting, number)?;
-            self.sighting += 1;
             let deviations = self.filter.factor.row_iter().skip(STATES).map(|row| row.norm());
             self.trace.push(now, &self.filter.mean.as_slice()[STATES..], deviations);
         }
@@ -117,7 +113,7 @@ impl Joint<'_> {
         let links = Links::new(self.problem, &parameters(&self.filter.mean))?;
         let seen_from_joints = links.seen_from_joints(&self.filter.mean.fixed_rows::<STATES>(0).into());
         let Some(noise) = root(&(sighting.covariance_m2 + self.scatter.covariance_m2(&seen_from_joints))) else { return Ok(()) };
-        let (problem, which) = (self.problem, self.sighting);
+        let (problem, which) = (self.problem, self.trace.sightings());
         let show = |point: &DVector<f64>| {
             let z = parameters(point);
             let seen_m = |links: Links| links.seen_m(&point.fixed_rows::<STATES>(0).into()) + problem.flawed_m(which, &z);

@@ -32,6 +32,11 @@ impl Trace {
         self.points.push(TracePoint { time_s: self.before_s + time_s, z: z.to_vec(), std: std.collect() });
     }
 
+    /// How many sightings were taken in, those of logs before included.
+    pub(super) fn sightings(&self) -> usize {
+        self.points.len()
+    }
+
     /// Starts the next log.
     pub(super) fn next_log(&mut self) {
         self.before_s = self.points.last().map_or(0.0, |point| point.time_s);
