@@ -74,7 +74,8 @@ pub struct View {
 const STEP_M: f64 = 5e-3;
 const ACROSS: f64 = 0.2;
 
-/// How a camera sees a tip in frame 0, whose shaft goes through the remote centre, frame 0's origin; `None` without registration, behind the camera or more than an image's width outside the image.
+/// How a camera sees a tip in frame 0, whose shaft goes through the remote centre, frame 0's origin; `None` without registration, behind the camera or
+/// more than an image's width outside the image.
 #[must_use]
 pub fn view(cameras: &Cameras, side: Side, tip: &Vector3<f64>) -> Option<View> {
     let left_from_base = cameras.base_from_left?.inverse();

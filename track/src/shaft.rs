@@ -10,8 +10,8 @@ use nalgebra::Vector2;
 use crate::plane::Kind;
 
 /// Part of the shaft along which the ball's edge is not looked at: where the ball is twice as wide it hides two thirds as much there as in its middle.
-/// Without all of it radii come out nearer still, but light and shade tell more on the centre: squared errors of an independent renderer's tips are
-/// 1.6 times as large over their claims.
+/// Where all of it is left out radii come out nearer still, but light and shade tell more on the centre: squared errors of an independent renderer's
+/// tips are then 1.6 times as large over their claims.
 const HIDING: f64 = 0.6;
 
 /// A shaft in an image.
