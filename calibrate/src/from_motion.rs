@@ -111,7 +111,7 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
     flaws.extend(beyond(&robot, &sessions)?);
     let solve = |unknowns: &[Unknown]| {
         let mut problem = Problem::new(&robot, unknowns, &sessions)?.with_flaws(flaws.clone());
-        let estimate = problem.estimate(&vec![false; unknowns.len() + FLAWS + BEYOND])?;
+        let estimate = problem.estimate_all()?;
         let found = problem.robot(&estimate.z).observation;
         Ok((estimate, found, problem.misfit()))
     };
@@ -200,8 +200,7 @@ fn unknowns(robot: &Robot, before: &Before) -> Result<Vec<Unknown>> {
     Ok(unknowns)
 }
 
-/// Number of flaws, and which of them is the offset between the cameras.
-const FLAWS: usize = SYSTEMATIC + 1;
+/// Which of the flaws is the offset between the cameras.
 const OFFSET: usize = SYSTEMATIC;
 
 /// What the cameras may have wrong: disparity, scale, what changes with the place in the images, and what the epipolar lines leave of the offset.

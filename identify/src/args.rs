@@ -20,8 +20,8 @@ Examples:
 
 Parameters:
   r_l1..3, offset_1..3, coupling_12, coupling_13, coupling_23, k_e1..3, b_e1..3, F_c1..3,
-  hysteresis_1..3, rounding_1..3, latency, rotation_x..z, translation_x..z; the groups r_l, offset, coupling, k_e, b_e, F_c, hysteresis,
-  registration; all
+  hysteresis_1..3, rounding_1..3, straight_part_1..3, latency, rotation_x..z, translation_x..z; the groups r_l, offset, coupling,
+  k_e, b_e, F_c, hysteresis, registration; all
 
 Exit codes: 0 done, 1 failed, 2 wrong arguments, 3 done with some of the recording left out.";
 
@@ -200,7 +200,7 @@ impl Identify {
     /// If a name is unknown, or the method cannot estimate what it stands for.
     pub fn selection(&self) -> Result<Selection> {
         let selection = self.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
-        let loops = |quantity: &&Quantity| matches!(quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_));
+        let loops = |quantity: &&Quantity| matches!(quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_) | Quantity::StraightPart(_));
         match selection.quantities.iter().find(loops) {
             Some(hysteresis) if self.method != Method::Batch => Err(Error::Argument(format!(
                 "--parameters names {}, whose loop needs the whole log at once; take --method batch for it.",

@@ -6,7 +6,7 @@ use raven::robot::{Provenance, Robot};
 use crate::batch::{Estimate, IDENTIFIED_BELOW};
 use crate::parameters;
 use crate::priors::Unknown;
-use crate::problem::Turned;
+use crate::problem::HeldPart;
 use crate::session::Session;
 
 /// What was found out about one unknown, in SI units.
@@ -30,7 +30,7 @@ impl Finding {
             let identified = estimate.identified[k];
             let found = unknown.value(estimate.z[k]);
             // A filter moves what its data hardly tell, too.
-            let value = if identified || unknown.quantity.is_registration() { found } else { unknown.prior };
+            let value = if identified || !unknown.quantity.may_hold() { found } else { unknown.prior };
             Self { value, std: unknown.std(value, estimate.std[k]), identified, unknown: unknown.clone() }
         };
         unknowns.iter().enumerate().map(find).collect()
@@ -39,9 +39,7 @@ impl Finding {
     /// How many prior deviations the value is from the prior.
     #[must_use]
     pub fn deviations(&self) -> f64 {
-        let Unknown { quantity, prior, spread, .. } = &self.unknown;
-        let moved = if quantity.is_positive() { (self.value / prior).ln() } else { self.value - prior };
-        (moved / spread).abs()
+        self.unknown.z(self.value).abs()
     }
 }
 
@@ -82,18 +80,17 @@ pub fn remark(method: &str) -> Option<&str> {
     method.split_once(REMARK).map(|(_, remark)| remark)
 }
 
-/// The robot file with the findings in it, and friction and loops the other way round where that was found.
+/// The robot file with the findings in it, and friction that holds the other way round where that was found.
 ///
 /// The logs were recorded while the controller set the encoders by the numbers of the file before. Where new numbers would make another
 /// motor angle of the hard stop, the old one is written down, so that the same logs read the same.
 ///
 /// # Errors
 /// If the robot is no arm.
-pub fn identified(robot: &Robot, findings: &[Finding], turned: &[Turned], method: &str, sessions: &[Session]) -> Result<Robot> {
+pub fn identified(robot: &Robot, findings: &[Finding], held: &[HeldPart], method: &str, sessions: &[Session]) -> Result<Robot> {
     let mut new = robot.clone();
-    let turned_key = |turned: &Turned| turned.part.key(robot, turned.joint);
     let changes = findings.iter().map(|finding| (finding.unknown.key.clone(), finding.value));
-    for (key, value) in changes.chain(turned.iter().map(|turned| (turned_key(turned), turned.after))) {
+    for (key, value) in changes.chain(held.iter().map(|held| (held.key(robot), held.after))) {
         if let Some(place) = new.value_mut(&key) {
             *place = value;
         }
@@ -116,12 +113,12 @@ pub fn identified(robot: &Robot, findings: &[Finding], turned: &[Turned], method
         let numbers = [*value, *std, unknown.prior, unknown.prior_std()];
         provenance(unknown.quantity.name(), unknown.key.clone(), unknown.quantity.unit(robot), numbers, *identified)
     };
-    let of_turned = |turned: &Turned| {
-        let numbers = [turned.after, turned.std(), turned.before, turned.prior_std()];
-        provenance(turned.part.name(turned.joint), turned_key(turned), "1", numbers, true)
+    let of_held = |held: &HeldPart| {
+        let numbers = [held.after, held.std(), held.before, held.prior_std()];
+        provenance(held.name(), held.key(robot), "1", numbers, true)
     };
     // Newest first: undoing them in order ends at the oldest prior.
-    new.calibration.splice(0..0, findings.iter().map(of_finding).chain(turned.iter().map(of_turned)));
+    new.calibration.splice(0..0, findings.iter().map(of_finding).chain(held.iter().map(of_held)));
     Ok(new)
 }
 

@@ -84,12 +84,10 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let tracked: Vec<Option<&Cameras>> = recordings.tracked.iter().map(|(_, cameras)| cameras.as_ref()).collect();
     let systematic = Systematic::of(&recordings.sessions, &tracked);
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?.with_flaws(systematic.flaws.clone());
-    let of_robot = unknowns.iter().map(|u| !u.quantity.is_registration());
-    let may_hold: Vec<bool> = of_robot.chain(systematic.flaws.iter().map(|_| false)).collect();
     let spinner = cli::spinner("estimating");
     let estimate = match sharing {
-        None => problem.estimate(&may_hold).map(|estimate| (estimate, None)),
-        Some(sharing) => recursive::estimate(&mut problem, sharing, &may_hold).map(|(estimate, trace)| (estimate, Some(trace))),
+        None => problem.estimate().map(|estimate| (estimate, None)),
+        Some(sharing) => recursive::estimate(&mut problem, sharing).map(|(estimate, trace)| (estimate, Some(trace))),
     };
     spinner.finish_and_clear();
     let (estimate, trace) = estimate.map_err(|error| match error {
@@ -106,7 +104,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
 
     if let Some(path) = &args.output {
         let method = identified::remarked(args.method.name(), report.misfit());
-        let new = identified::identified(&robot, &findings, problem.turned(), &method, &recordings.sessions)?;
+        let new = identified::identified(&robot, &findings, problem.held(), &method, &recordings.sessions)?;
         write_robot(path, &new, out, "estimate it from another recording, or leave it out of --parameters")?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {

@@ -24,6 +24,8 @@ pub enum Quantity {
     Hysteresis(usize),
     /// `rounding_1`: travel over which that loop turns after a reversal [rad or m].
     Rounding(usize),
+    /// `straight_part_1`: how far it turns straight, as a play does, before it rounds off [1].
+    StraightPart(usize),
     /// `latency`: by how much an image shows the past of its stamp [s].
     Latency,
     /// `rotation_x`: what the registration's rotation lacks, about an axis of frame 0 [rad].
@@ -33,8 +35,10 @@ pub enum Quantity {
 }
 
 /// Every quantity, in the order in which results list them.
-pub const ALL: [Quantity; 31] = {
-    use Quantity::{Coulomb, Coupling, Damping, HardStop, Hysteresis, Latency, PulleyRadius, Rotation, Rounding, Stiffness, Translation};
+pub const ALL: [Quantity; 34] = {
+    use Quantity::{
+        Coulomb, Coupling, Damping, HardStop, Hysteresis, Latency, PulleyRadius, Rotation, Rounding, Stiffness, StraightPart, Translation,
+    };
     [
         PulleyRadius(0),
         PulleyRadius(1),
@@ -60,6 +64,9 @@ pub const ALL: [Quantity; 31] = {
         Rounding(0),
         Rounding(1),
         Rounding(2),
+        StraightPart(0),
+        StraightPart(1),
+        StraightPart(2),
         Latency,
         Rotation(0),
         Rotation(1),
@@ -85,6 +92,7 @@ impl Quantity {
             Self::Coulomb(j) => format!("F_c{}", j + 1),
             Self::Hysteresis(j) => format!("hysteresis_{}", j + 1),
             Self::Rounding(j) => format!("rounding_{}", j + 1),
+            Self::StraightPart(j) => format!("straight_part_{}", j + 1),
             Self::Latency => "latency".to_owned(),
             Self::Rotation(axis) => format!("rotation_{}", AXES[axis]),
             Self::Translation(axis) => format!("translation_{}", AXES[axis]),
@@ -100,7 +108,7 @@ impl Quantity {
             Self::Stiffness(_) => "k_e",
             Self::Damping(_) => "b_e",
             Self::Coulomb(_) => "F_c",
-            Self::Hysteresis(_) | Self::Rounding(_) => "hysteresis",
+            Self::Hysteresis(_) | Self::Rounding(_) | Self::StraightPart(_) => "hysteresis",
             Self::Latency => "latency",
             Self::Rotation(_) | Self::Translation(_) => "registration",
         }
@@ -110,6 +118,13 @@ impl Quantity {
     #[must_use]
     pub fn is_registration(self) -> bool {
         self.group() == "registration"
+    }
+
+    /// Whether it may go back to its prior where the logs do not determine it. Corrections of the registration may not, or the robot would have to
+    /// make up for a turned camera, nor may the way a loop turns, on which it depends what the loop's other numbers mean.
+    #[must_use]
+    pub fn may_hold(self) -> bool {
+        !self.is_registration() && !matches!(self, Self::StraightPart(_))
     }
 
     /// Where it stands in the robot file.
@@ -125,6 +140,7 @@ impl Quantity {
             Self::Coulomb(j) => format!("joints.{}.link_friction.coulomb", joint(j)),
             Self::Hysteresis(j) => format!("joints.{}.hysteresis.half_loop", joint(j)),
             Self::Rounding(j) => format!("joints.{}.hysteresis.length", joint(j)),
+            Self::StraightPart(j) => format!("joints.{}.hysteresis.straight_part", joint(j)),
             Self::Latency => "observation.latency".to_owned(),
             Self::Rotation(axis) => format!("observation.rotation.{axis}"),
             Self::Translation(axis) => format!("observation.translation.{axis}"),
@@ -142,7 +158,8 @@ impl Quantity {
             | Self::Damping(j)
             | Self::Coulomb(j)
             | Self::Hysteresis(j)
-            | Self::Rounding(j) => name(j),
+            | Self::Rounding(j)
+            | Self::StraightPart(j) => name(j),
             Self::Coupling(from, to) => Some(format!("{}->{}", name(from)?, name(to)?)),
             Self::Latency | Self::Rotation(_) | Self::Translation(_) => None,
         }
@@ -174,6 +191,7 @@ impl Quantity {
                     "rad/rad"
                 }
             }
+            Self::StraightPart(_) => "1",
             Self::Stiffness(_) => "N",
             Self::Damping(_) => "N s/m",
             Self::Coulomb(j) => {

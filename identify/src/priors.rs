@@ -26,6 +26,8 @@ const COUPLING_M: f64 = 0.01;
 /// Spread of half a hysteresis loop, 0.5 deg and 1 mm.
 const HYSTERESIS_RAD: f64 = 0.008_726_646_259_971_648;
 const HYSTERESIS_M: f64 = 1e-3;
+/// Spread of a loop's straight part, which is anywhere from -1 to 1: that of a uniform distribution.
+const STRAIGHT_PART: f64 = 0.577_350_269_189_625_8;
 /// Spread of the latency [s]: webcams are 5 to 150 ms late.
 const LATENCY_S: f64 = 0.1;
 /// Spread of a registration whose quality is not written down, 1 deg and 5 mm.
@@ -53,16 +55,25 @@ pub struct Unknown {
 }
 
 impl Unknown {
-    /// The value [SI] at `z` prior deviations from the prior.
+    /// The value [SI] at `z` prior deviations from the prior, [bounded](Self::bounded).
     #[must_use]
     pub fn value(&self, z: f64) -> f64 {
+        let z = self.bounded(z);
         if self.quantity.is_positive() { self.prior * (self.spread * z).exp() } else { self.prior + self.spread * z }
     }
 
-    /// `z`, kept where hardware can be if a factor is estimated: a factor of 81, and of nine for more damping.
+    /// How many prior deviations a value [SI] is from the prior.
+    #[must_use]
+    pub fn z(&self, value: f64) -> f64 {
+        let moved = if self.quantity.is_positive() { (value / self.prior).ln() } else { value - self.prior };
+        moved / self.spread
+    }
+
+    /// `z`, kept where hardware can be if a factor is estimated, a factor of 81, and of nine for more damping; and a straight part from -1 to 1.
     #[must_use]
     pub fn bounded(&self, z: f64) -> f64 {
         match self.quantity {
+            Quantity::StraightPart(_) => z.clamp(self.z(-1.0), self.z(1.0)),
             Quantity::Damping(_) => z.clamp(-FACTORS_MAX, DAMPING_MAX),
             quantity if quantity.is_positive() => z.clamp(-FACTORS_MAX, FACTORS_MAX),
             _ => z,
@@ -90,7 +101,9 @@ pub fn unknowns(robot: &Robot, selection: &Selection, quality: &Quality) -> Resu
     let mut numbers = robot.clone();
     let mut list = Vec::new();
     for quantity in ALL {
-        let selected = selection.quantities.contains(&quantity);
+        let asked = |quantity: Quantity| selection.quantities.contains(&quantity);
+        // Over what travel a loop turns means nothing without how it does.
+        let selected = asked(quantity) || matches!(quantity, Quantity::StraightPart(j) if asked(Quantity::Rounding(j)));
         if !selected && !quantity.is_registration() {
             continue;
         }
@@ -122,6 +135,7 @@ fn spread(quantity: Quantity, robot: &Robot, named: bool, quality: &Quality) -> 
         Quantity::Coupling(_, to) => by_kind(to, COUPLING_RAD, COUPLING_M),
         Quantity::Stiffness(_) | Quantity::Damping(_) | Quantity::Coulomb(_) | Quantity::Rounding(_) => FACTOR,
         Quantity::Hysteresis(j) => by_kind(j, HYSTERESIS_RAD, HYSTERESIS_M),
+        Quantity::StraightPart(_) => STRAIGHT_PART,
         Quantity::Latency => LATENCY_S,
         Quantity::Rotation(axis) => {
             quality.registration_rotation_std_rad.map_or(REGISTRATION_RAD, |std| std[axis]).max(tolerances.camera_rotation_rad)
@@ -135,6 +149,7 @@ fn spread(quantity: Quantity, robot: &Robot, named: bool, quality: &Quality) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_relative_eq;
     use raven::robot::nominal;
 
     fn find(list: &[Unknown], quantity: Quantity) -> &Unknown {
@@ -160,6 +175,29 @@ mod tests {
         assert_eq!(find(&list, Quantity::Rotation(0)).spread, 0.01);
         assert_eq!(find(&list, Quantity::Rotation(1)).spread, robot.tolerances.camera_rotation_rad);
         assert_eq!(find(&list, Quantity::Translation(1)).spread, REGISTRATION_M);
+    }
+
+    #[test]
+    fn a_value_is_as_many_prior_deviations_away_as_its_unknown_says() {
+        let all = Selection::named(&["all".to_owned()]).unwrap();
+        for unknown in unknowns(&nominal::gold(), &all, &Quality::default()).unwrap() {
+            for z in [-0.7, 0.0, 1.1] {
+                let value = unknown.value(z);
+                assert_relative_eq!(unknown.z(value), z, epsilon = 1e-9);
+                let slope = (unknown.value(z + 1e-6) - unknown.value(z - 1e-6)) / 2e-6;
+                assert_relative_eq!(unknown.std(value, 1.0), slope, max_relative = 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn a_straight_part_ends_where_all_or_nothing_is_straight() {
+        let selection = Selection::named(&["rounding_2".to_owned()]).unwrap();
+        let list = unknowns(&nominal::gold(), &selection, &Quality::default()).unwrap();
+        let straight = find(&list, Quantity::StraightPart(1));
+        assert!(straight.named);
+        assert_eq!([-9.0, 0.0, 9.0].map(|z| straight.value(z)), [-1.0, 0.0, 1.0]);
+        assert_eq!([-9.0, 9.0].map(|z| straight.value(straight.bounded(z))), [-1.0, 1.0]);
     }
 
     #[test]

@@ -15,8 +15,8 @@
 //! estimate at rest and kept. With a cable's stiffness or damping or a joint's friction among the unknowns every prediction comes from
 //! rollouts of its own: behind a soft cable the lag is a large part of what there is to see of them.
 
+mod held;
 mod rolled;
-mod turned;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -30,11 +30,12 @@ use rayon::prelude::*;
 use crate::batch::{self, Estimate, Jacobian, Residuals, central_difference};
 use crate::misfit::{self, FALSE_CHANCE, Residual};
 use crate::motion::Motion;
+use crate::parameters::Quantity;
 use crate::prediction::Predictor;
 use crate::priors::Unknown;
 use crate::session::{Session, Sighting, whitening};
+pub use held::HeldPart;
 use rolled::Rolled;
-pub use turned::{Part, Turned};
 
 /// Length of the blocks over which residuals may be alike [s]: hysteresis and the cameras' flaws outlast single images.
 pub(crate) const BLOCK_S: f64 = 2.0;
@@ -46,6 +47,9 @@ const MISFIT_SETTLED: f64 = 0.1;
 /// Rollouts that find out how far from rest the joints are, where nothing is looked for that this depends on: each corrects the one before in
 /// the second order.
 const LAGS: usize = 2;
+/// Step of the difference quotient by the straight part of a loop, in prior deviations. Near 1 few sightings fall where a loop rounds off, which is
+/// all that changes with it there: residuals are smooth over such a step only.
+const STRAIGHT_STEP: f64 = 0.1;
 /// Misfit that is as good as none [rad, rad, m]: a third of the tolerance of a hard stop.
 const MISFIT_NONE: Vector3<f64> = Vector3::new(3e-4, 3e-4, 1e-4);
 
@@ -65,7 +69,7 @@ pub struct Problem<'a> {
     flaws: Vec<Flaw>,
     /// What took rollouts, and where.
     rolled: Arc<Mutex<Rolled>>,
-    turned: Vec<Turned>,
+    held: Vec<HeldPart>,
 }
 
 /// Per sighting of all sessions, how far one prior deviation of a flaw of the cameras moves where the tip is seen, frame 0 [m].
@@ -95,8 +99,8 @@ impl<'a> Problem<'a> {
         for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        let (whiten, flaws, joints, rolled, turned) = (Vec::new(), Vec::new(), Joints::AtRest, Arc::default(), Vec::new());
-        let mut problem = Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten, joints, flaws, rolled, turned };
+        let (whiten, flaws, joints, rolled, held) = (Vec::new(), Vec::new(), Joints::AtRest, Arc::default(), Vec::new());
+        let mut problem = Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten, joints, flaws, rolled, held };
         problem.weigh(&DVector::zeros(unknowns.len()))?;
         Ok(problem)
     }
@@ -116,7 +120,7 @@ impl<'a> Problem<'a> {
         let mut robot = self.anchored.clone();
         for (unknown, &z) in self.unknowns.iter().zip(z.iter()) {
             if let Some(value) = robot.value_mut(&unknown.key) {
-                *value = unknown.value(unknown.bounded(z));
+                *value = unknown.value(z);
             }
         }
         robot
@@ -153,14 +157,31 @@ impl<'a> Problem<'a> {
         self.unknowns.iter().zip(z).for_each(|(unknown, z)| *z = unknown.bounded(*z));
     }
 
-    /// The estimate, with the misfit that goes with it. Unknowns of which `may_hold` is false stay free even if not identified.
+    /// The estimate, with the misfit that goes with it.
     ///
     /// # Errors
     /// If the estimation does not settle.
-    pub fn estimate(&mut self, may_hold: &[bool]) -> Result<Estimate> {
+    pub fn estimate(&mut self) -> Result<Estimate> {
+        self.estimate_holding(&self.may_hold())
+    }
+
+    /// The same with all unknowns at what is most probable, whether or not the logs determine them.
+    ///
+    /// # Errors
+    /// If the estimation does not settle.
+    pub fn estimate_all(&mut self) -> Result<Estimate> {
+        self.estimate_holding(&vec![false; Residuals::unknowns(self)])
+    }
+
+    fn estimate_holding(&mut self, may_hold: &[bool]) -> Result<Estimate> {
         let mut z = self.fitted()?;
-        self.turn_over(&mut z)?;
+        self.turn_over_held(&mut z)?;
         batch::estimate(self, may_hold, &z)
+    }
+
+    /// Which unknowns [may be held](crate::parameters::Quantity::may_hold); no flaw of the cameras may.
+    pub(crate) fn may_hold(&self) -> Vec<bool> {
+        self.unknowns.iter().map(|unknown| unknown.quantity.may_hold()).chain(self.flaws.iter().map(|_| false)).collect()
     }
 
     /// Logarithm of the sightings' likelihood, false ones cut off, up to a constant.
@@ -305,7 +326,7 @@ impl<'a> Problem<'a> {
         let at_rest = |z: &DVector<f64>| Ok(self.errors(&Predictor::new(&self.robot(z))?, &lag, z));
         let column = |k: usize| match self.flaw(k) {
             Some(flaw) => Ok((k, flaw.clone())),
-            None => Ok((k, central_difference(at_rest, z, k)?)),
+            None => Ok((k, central_difference(at_rest, z, k, self.around(k, z[k]))?)),
         };
         let mut slopes: BTreeMap<usize, Vec<Vector3<f64>>> = resting.into_par_iter().map(column).collect::<Result<_>>()?;
         if !swinging.is_empty() {
@@ -345,6 +366,16 @@ impl<'a> Problem<'a> {
 impl Residuals for Problem<'_> {
     fn unknowns(&self) -> usize {
         self.unknowns.len() + self.flaws.len()
+    }
+
+    fn bounded(&self, k: usize, z: f64) -> f64 {
+        self.unknowns.get(k).map_or(z, |unknown| unknown.bounded(z))
+    }
+
+    fn around(&self, k: usize, z: f64) -> [f64; 2] {
+        let straight_part = self.unknowns.get(k).is_some_and(|unknown| matches!(unknown.quantity, Quantity::StraightPart(_)));
+        let step = if straight_part { STRAIGHT_STEP } else { batch::DIFFERENCE };
+        [-step, step].map(|step| self.bounded(k, z + step))
     }
 
     fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {

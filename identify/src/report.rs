@@ -140,7 +140,7 @@ impl Report {
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = format!(
-            "{:<14} {:<17} {:>12} {:>9} {:<7} {:>12} {:>9} {:>9}  {}\n",
+            "{:<15} {:<17} {:>12} {:>9} {:<7} {:>12} {:>9} {:>9}  {}\n",
             "parameter", "joint", "value", "std", "unit", "before", "std", "change", "identified"
         );
         for line in &self.parameters {
@@ -149,7 +149,7 @@ impl Report {
             let number = |v: f64| format!("{:.decimals$}", v * factor);
             let _ = writeln!(
                 text,
-                "{:<14} {:<17} {:>12} {:>9} {:<7} {:>12} {:>9} {:>9}  {}",
+                "{:<15} {:<17} {:>12} {:>9} {:<7} {:>12} {:>9} {:>9}  {}",
                 line.name,
                 line.joint.as_deref().unwrap_or("-"),
                 number(line.value),

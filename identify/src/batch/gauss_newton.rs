@@ -6,6 +6,8 @@
 //!
 //! with Levenberg's damping, iterative reweighting, and the loss's scale brought down with the residuals, which lets far-off starts see
 //! all sightings before the false ones are told apart. `tempering` divides the information of residuals that are not independent.
+//!
+//! Steps end at the unknowns' bounds; one that is at its bound and would go beyond stays there while the others move (Bertsekas 1982).
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -13,8 +15,8 @@ use super::Residuals;
 use super::robust::Cauchy;
 use raven::{Error, Result};
 
-/// Step of the difference quotients, in prior deviations.
-const DIFFERENCE: f64 = 1e-3;
+/// Step of the difference quotients where residuals are smooth, in prior deviations.
+pub const DIFFERENCE: f64 = 1e-3;
 /// Steps after which a solution that still moves is given up.
 const STEPS_MAX: usize = 60;
 /// Where the damping starts, and beyond which no step is found any more.
@@ -39,7 +41,7 @@ pub struct Minimum {
 /// Derivatives of every residual, one list per unknown asked for.
 pub type Jacobian = Vec<Vec<Vector3<f64>>>;
 
-/// Derivatives by unknown `k` from residuals on both sides of `z`.
+/// Derivatives by unknown `k` at `z` from residuals at two values of it.
 ///
 /// # Errors
 /// As the residuals.
@@ -47,14 +49,14 @@ pub fn central_difference(
     residuals: impl Fn(&DVector<f64>) -> Result<Vec<Vector3<f64>>>,
     z: &DVector<f64>,
     k: usize,
+    [behind, ahead]: [f64; 2],
 ) -> Result<Vec<Vector3<f64>>> {
-    let at = |step: f64| {
+    let at = |z_k: f64| {
         let mut moved = z.clone();
-        moved[k] += step;
+        moved[k] = z_k;
         residuals(&moved)
     };
-    let (ahead, behind) = (at(DIFFERENCE)?, at(-DIFFERENCE)?);
-    Ok(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * DIFFERENCE)).collect())
+    Ok(at(ahead)?.iter().zip(&at(behind)?).map(|(a, b)| (a - b) / (ahead - behind)).collect())
 }
 
 /// Derivatives by unknown `k` from residuals ahead of `z` and those at it: half the work, where a residual is much work.
@@ -97,13 +99,22 @@ pub fn minimize(problem: &impl Residuals, free: &[usize], tempering: f64, start:
                 hessian[(b, a)] = hessian[(a, b)];
             }
         }
+        for a in 0..n {
+            let beyond = z[free[a]] - DIFFERENCE * gradient[a].signum();
+            if problem.bounded(free[a], beyond) == z[free[a]] {
+                hessian.row_mut(a).fill(0.0);
+                hessian.column_mut(a).fill(0.0);
+                (hessian[(a, a)], gradient[a]) = (1.0, 0.0);
+            }
+        }
         let before = cost(&residuals, loss, tempering, &z);
         let (step, ahead) = loop {
             let damped = &hessian + DMatrix::from_diagonal(&(hessian.diagonal() * damping));
-            let step = damped.cholesky().map_or_else(|| DVector::zeros(n), |factor| -factor.solve(&gradient));
+            let mut step = damped.cholesky().map_or_else(|| DVector::zeros(n), |factor| -factor.solve(&gradient));
             let mut moved = z.clone();
             for (a, &k) in free.iter().enumerate() {
-                moved[k] += step[a];
+                moved[k] = problem.bounded(k, z[k] + step[a]);
+                step[a] = moved[k] - z[k];
             }
             let ahead = problem.residuals(&moved)?;
             if cost(&ahead, loss, tempering, &moved) <= before {
@@ -152,6 +163,52 @@ mod tests {
         assert_relative_eq!(minimum.z, DVector::from_vec(vec![0.5, -0.8, 0.3]), epsilon = 1e-2);
         let held = minimize(&line, &[0, 1], 1.0, &minimum.z).unwrap();
         assert_eq!(held.z[2], 0.0);
+    }
+
+    /// A line whose first unknown cannot be above some value.
+    struct UpTo(f64, Line);
+
+    impl Residuals for UpTo {
+        fn unknowns(&self) -> usize {
+            self.1.unknowns()
+        }
+
+        fn bounded(&self, k: usize, z: f64) -> f64 {
+            if k == 0 { z.min(self.0) } else { z }
+        }
+
+        fn residuals(&self, z: &DVector<f64>) -> Result<Vec<Vector3<f64>>> {
+            assert!(z[0] <= self.0, "{z}");
+            self.1.residuals(z)
+        }
+
+        fn jacobian(&self, z: &DVector<f64>, columns: &[usize]) -> Result<Jacobian> {
+            self.1.jacobian(z, columns)
+        }
+
+        fn blocks(&self) -> Vec<usize> {
+            self.1.blocks()
+        }
+    }
+
+    #[test]
+    fn at_a_bound_the_others_are_what_they_are_with_that_value() {
+        let line = || Line::exact(&[0.5, -0.8, 0.3], 60);
+        let bound = 0.2;
+        let mut given = line();
+        for (slope, observed) in given.slopes.iter().zip(&mut given.observed) {
+            *observed -= slope.column(0) * bound;
+        }
+        let expected = minimize(&given, &[1, 2], 1.0, &DVector::zeros(3)).unwrap().z;
+        let minimum = minimize(&UpTo(bound, line()), &[0, 1, 2], 1.0, &DVector::zeros(3)).unwrap();
+        assert_eq!(minimum.z[0], bound);
+        assert_relative_eq!(minimum.z.rows(1, 2), expected.rows(1, 2), epsilon = 1e-4);
+        // A bound that is not reached does nothing, and one that was started from is left.
+        let free = minimize(&line(), &[0, 1, 2], 1.0, &DVector::zeros(3)).unwrap().z;
+        for start in [0.0, 0.7] {
+            let inside = minimize(&UpTo(0.7, line()), &[0, 1, 2], 1.0, &DVector::from_vec(vec![start, 0.0, 0.0])).unwrap();
+            assert_relative_eq!(inside.z, free, epsilon = 1e-4);
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use covariance::Curvature;
 use gauss_newton::minimize;
-pub use gauss_newton::{Jacobian, central_difference, forward_difference};
+pub use gauss_newton::{DIFFERENCE, Jacobian, central_difference, forward_difference};
 pub use robust::Cauchy;
 
 /// Ratio of posterior to prior deviation above which a log has not determined a quantity.
@@ -30,6 +30,16 @@ pub trait Residuals: Sync {
     /// Number of unknowns.
     fn unknowns(&self) -> usize;
 
+    /// Unknown `k`, kept where it can be. The prior itself can be.
+    fn bounded(&self, _k: usize, z: f64) -> f64 {
+        z
+    }
+
+    /// Values of unknown `k` on both sides of one, from which derivatives are taken there.
+    fn around(&self, _k: usize, z: f64) -> [f64; 2] {
+        [z - DIFFERENCE, z + DIFFERENCE]
+    }
+
     /// Residuals at `z`, of unit covariance if model and noise are as believed.
     ///
     /// # Errors
@@ -41,7 +51,7 @@ pub trait Residuals: Sync {
     /// # Errors
     /// As the residuals.
     fn jacobian(&self, z: &DVector<f64>, columns: &[usize]) -> Result<Jacobian> {
-        columns.par_iter().map(|&k| central_difference(|z| self.residuals(z), z, k)).collect()
+        columns.par_iter().map(|&k| central_difference(|z| self.residuals(z), z, k, self.around(k, z[k]))).collect()
     }
 
     /// The block of time of each residual, counted from 0 without holes; residuals within one may be alike.

@@ -55,7 +55,7 @@ impl Report {
         let Self { sinusoid_s, duration_s, camera_hz, fast_camera_hz, .. } = self;
         let mut text = format!(
             "expected posterior/prior deviation; cameras: 0.1 mm across, 1.5 mm in depth, {camera_hz:.0} Hz\n\
-             {:<14} {:>12} {:>12} {:>14} {:>16}\n{:<14} {:>12} {:>12} {:>14} {:>16}\n",
+             {:<15} {:>12} {:>12} {:>14} {:>16}\n{:<15} {:>12} {:>12} {:>14} {:>16}\n",
             "parameter",
             "sinusoid",
             "proposal",
@@ -69,7 +69,7 @@ impl Report {
         );
         for Line { name, sinusoid, proposal, fast_cameras, joint_encoders, identified, .. } in &self.parameters {
             let verdict = if *identified { "" } else { "  not identified" };
-            let _ = writeln!(text, "{name:<14} {sinusoid:>12.3} {proposal:>12.3} {fast_cameras:>14.3} {joint_encoders:>16.3}{verdict}");
+            let _ = writeln!(text, "{name:<15} {sinusoid:>12.3} {proposal:>12.3} {fast_cameras:>14.3} {joint_encoders:>16.3}{verdict}");
         }
         text.push_str("\nproposal:\n");
         for (i, piece) in self.pieces.iter().enumerate() {

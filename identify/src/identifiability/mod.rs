@@ -99,7 +99,7 @@ impl Identifiability {
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = format!(
-            "\n{:<14} {:>15} {:>12} {:>12} {:<7}  {}\n",
+            "\n{:<15} {:>15} {:>12} {:>12} {:<7}  {}\n",
             "parameter", "posterior/prior", "CRLB alone", "with all", "unit", "95 % by profile likelihood"
         );
         for line in &self.parameters {
@@ -107,7 +107,7 @@ impl Identifiability {
             let bound = |v: Option<f64>| v.map_or_else(|| "hidden".to_owned(), |v| digits(v * factor));
             let _ = writeln!(
                 text,
-                "{:<14} {:>15.3} {:>12} {:>12} {:<7}  {}",
+                "{:<15} {:>15.3} {:>12} {:>12} {:<7}  {}",
                 line.name,
                 line.posterior_over_prior,
                 bound(line.cramer_rao_alone),

@@ -35,17 +35,16 @@ pub enum Sharing {
 /// Pause between sightings [s] after which the links start anew where the cables hold them: long after they forgot where they were.
 const FORGOTTEN_S: f64 = 1.0;
 
-/// Estimates recursively; also what was believed after every sighting. Unknowns of which `may_hold` is false are kept even if they are
-/// not identified, as in [`crate::batch::estimate`].
+/// Estimates recursively; also what was believed after every sighting.
 ///
 /// # Errors
 /// If the model cannot be evaluated at the outcome.
-pub fn estimate(problem: &mut Problem, sharing: Sharing, may_hold: &[bool]) -> Result<(Estimate, Trace)> {
+pub fn estimate(problem: &mut Problem, sharing: Sharing) -> Result<(Estimate, Trace)> {
     let run = match sharing {
         Sharing::Dual(horizon) => dual::run(problem, horizon)?,
         Sharing::Joint => joint::run(problem)?,
     };
-    let posterior = run.posterior.held_at_priors(may_hold);
+    let posterior = run.posterior.held_at_priors(&problem.may_hold());
     let tempering = run.scatter.tempering();
     problem.adopt(run.scatter.misfit(), &posterior.z)?;
     let residuals = problem.residuals(&posterior.z)?;

@@ -44,7 +44,6 @@ fn damping_and_stiffness_are_known_as_well_as_claimed() {
     let robot = nominal::gold();
     let names = ["k_e2", "b_e2", "latency"].map(str::to_owned);
     let unknowns = priors::unknowns(&robot, &Selection::named(&names).unwrap(), &Quality::default()).unwrap();
-    let may_hold: Vec<bool> = unknowns.iter().map(|u| !u.quantity.is_registration()).collect();
     let truths = [("k_e2", "joints.elbow.cable.stiffness", 1.1), ("b_e2", "joints.elbow.cable.damping", 0.8)];
     let mut truth = robot.clone();
     for (_, key, factor) in truths {
@@ -54,7 +53,7 @@ fn damping_and_stiffness_are_known_as_well_as_claimed() {
     for seed in 0..SAMPLES {
         let sessions = [session(&truth, &mut ChaCha8Rng::seed_from_u64(seed))];
         let mut problem = Problem::new(&robot, &unknowns, &sessions).unwrap();
-        let estimate = problem.estimate(&may_hold).unwrap();
+        let estimate = problem.estimate().unwrap();
         let findings = Finding::all(&unknowns, &estimate);
         for ((name, key, _), square) in truths.iter().zip(&mut squares) {
             let found = findings.iter().find(|f| f.unknown.quantity.name() == *name).unwrap();

@@ -41,13 +41,9 @@ fn seen(truth: &Robot, random: &mut ChaCha8Rng) -> (Vec<Session>, Systematic, [f
     (sessions, systematic, off)
 }
 
-fn may_hold(case: &Case) -> Vec<bool> {
-    case.may_hold().into_iter().chain([false; SYSTEMATIC]).collect()
-}
-
 fn estimate(case: &Case, sessions: &[Session], systematic: &Systematic) -> Estimate {
     let mut problem = Problem::new(&case.robot, &case.unknowns, sessions).unwrap().with_flaws(systematic.flaws.clone());
-    problem.estimate(&may_hold(case)).unwrap()
+    problem.estimate().unwrap()
 }
 
 #[test]
@@ -71,7 +67,7 @@ fn every_method_finds_what_the_cameras_have_wrong() {
     assert!((px - off[0] * prior_px).abs() < 3.0 * std_px && std_px < 0.2, "{found:?} of {off:?}");
     for sharing in [Sharing::Dual(Horizon::Frame), Sharing::Joint] {
         let mut problem = Problem::new(&case.robot, &case.unknowns, &sessions).unwrap().with_flaws(systematic.flaws.clone());
-        let (filtered, _) = recursive::estimate(&mut problem, sharing, &may_hold(&case)).unwrap();
+        let (filtered, _) = recursive::estimate(&mut problem, sharing).unwrap();
         for k in [case.index("r_l1"), n, n + 1] {
             let apart = (filtered.z[k] - batch.z[k]) / batch.std[k];
             assert!(apart.abs() < 1.0, "{sharing:?}: unknown {k} is {apart:.2} deviations from the batch's");

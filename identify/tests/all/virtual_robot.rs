@@ -91,12 +91,7 @@ impl Case {
     }
 
     pub fn estimate(&self, sessions: &[Session]) -> Estimate {
-        Problem::new(&self.robot, &self.unknowns, sessions).unwrap().estimate(&self.may_hold()).unwrap()
-    }
-
-    /// All but the registration.
-    pub fn may_hold(&self) -> Vec<bool> {
-        self.unknowns.iter().map(|u| !u.quantity.is_registration()).collect()
+        Problem::new(&self.robot, &self.unknowns, sessions).unwrap().estimate().unwrap()
     }
 
     pub fn index(&self, name: &str) -> usize {
@@ -106,9 +101,8 @@ impl Case {
     pub fn at(&self, values: &[(&str, f64)]) -> DVector<f64> {
         let mut z = DVector::zeros(self.unknowns.len());
         for &(name, value) in values {
-            let unknown = &self.unknowns[self.index(name)];
-            z[self.index(name)] =
-                if unknown.quantity.is_positive() { (value / unknown.prior).ln() } else { value - unknown.prior } / unknown.spread;
+            let k = self.index(name);
+            z[k] = self.unknowns[k].z(value);
         }
         z
     }
