@@ -4,8 +4,8 @@
 //! F(z) = sum rho(r_i(z)) / tempering + |z|^2 / 2
 //! ```
 //!
-//! with Levenberg's damping, iterative reweighting, and the loss's scale brought down with the residuals, which lets far-off starts see
-//! all sightings before the false ones are told apart. `tempering` divides the information of residuals that are not independent.
+//! with Levenberg's damping by what a step gains of what it promised (Marquardt 1963), iterative reweighting, and the loss's scale brought down with the
+//! residuals, which lets far-off starts see all sightings before the false ones are told apart. `tempering` divides the information of residuals that are not independent.
 //!
 //! Steps end at the unknowns' bounds; one that is at its bound and would go beyond stays there while the others move (Bertsekas 1982).
 
@@ -18,10 +18,12 @@ use raven::{Error, Result};
 /// Step of the difference quotients where residuals are smooth, in prior deviations.
 pub const DIFFERENCE: f64 = 1e-3;
 /// Steps after which a solution that still moves is given up.
-const STEPS_MAX: usize = 60;
+const STEPS_MAX: usize = 150;
 /// Where the damping starts, and beyond which no step is found any more.
 const DAMPING: f64 = 1e-3;
 const DAMPING_MAX: f64 = 1e9;
+/// Part of what a step promised that it must gain for the next to be damped less; where it gains less, slopes are no guide so far away.
+const KEPT: f64 = 0.25;
 /// Squared step, in posterior deviations, below which the solution has settled.
 const SETTLED: f64 = 1e-4;
 /// Relative change of the loss's scale below which it has settled.
@@ -117,7 +119,10 @@ pub fn minimize(problem: &impl Residuals, free: &[usize], tempering: f64, start:
                 step[a] = moved[k] - z[k];
             }
             let ahead = problem.residuals(&moved)?;
-            if cost(&ahead, loss, tempering, &moved) <= before {
+            let gain = before - cost(&ahead, loss, tempering, &moved);
+            if gain >= 0.0 {
+                let promised = -step.dot(&(&gradient + 0.5 * &hessian * &step));
+                damping = if gain > KEPT * promised { (damping / 10.0).max(1e-9) } else { damping * 10.0 };
                 z = moved;
                 break (step, ahead);
             }
@@ -126,7 +131,6 @@ pub fn minimize(problem: &impl Residuals, free: &[usize], tempering: f64, start:
                 break (DVector::zeros(n), residuals);
             }
         };
-        damping = (damping / 10.0).max(1e-9);
         residuals = ahead;
         let scale = Cauchy::of(&residuals).scale.min(loss.scale);
         let scale_settled = loss.scale - scale <= SCALE_SETTLED * scale;
