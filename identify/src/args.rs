@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use raven::{Error, Result, files};
 use serde::Serialize;
 
-use crate::parameters::{Quantity, Selection};
+use crate::parameters::Selection;
 use crate::priors::Unknown;
 use crate::recursive::{self, Sharing};
 
@@ -200,8 +200,7 @@ impl Identify {
     /// If a name is unknown, or the method cannot estimate what it stands for.
     pub fn selection(&self) -> Result<Selection> {
         let selection = self.parameters.as_deref().map_or_else(|| Ok(Selection::default()), Selection::named)?;
-        let loops = |quantity: &&Quantity| matches!(quantity, Quantity::Hysteresis(_) | Quantity::Rounding(_) | Quantity::StraightPart(_));
-        match selection.quantities.iter().find(loops) {
+        match selection.quantities.iter().find(|quantity| quantity.is_of_loop()) {
             Some(hysteresis) if self.method != Method::Batch => Err(Error::Argument(format!(
                 "--parameters names {}, whose loop needs the whole log at once; take --method batch for it.",
                 hysteresis.name()

@@ -120,6 +120,12 @@ impl Quantity {
         self.group() == "registration"
     }
 
+    /// Whether it belongs to a cable's loop of hysteresis.
+    #[must_use]
+    pub fn is_of_loop(self) -> bool {
+        self.group() == "hysteresis"
+    }
+
     /// Whether it may go back to its prior where the logs do not determine it. Corrections of the registration may not, or the robot would have to
     /// make up for a turned camera, nor may the way a loop turns, on which it depends what the loop's other numbers mean.
     #[must_use]

@@ -154,7 +154,7 @@ impl<'a> Problem<'a> {
 
     /// Keeps `z` where hardware can be, see [`Unknown::bounded`].
     pub fn bound(&self, z: &mut [f64]) {
-        self.unknowns.iter().zip(z).for_each(|(unknown, z)| *z = unknown.bounded(*z));
+        z.iter_mut().enumerate().for_each(|(k, z)| *z = self.bounded(k, *z));
     }
 
     /// The estimate, with the misfit that goes with it.

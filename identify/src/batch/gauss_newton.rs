@@ -4,8 +4,9 @@
 //! F(z) = sum rho(r_i(z)) / tempering + |z|^2 / 2
 //! ```
 //!
-//! with Levenberg's damping by what a step gains of what it promised (Marquardt 1963), iterative reweighting, and the loss's scale brought down with the
-//! residuals, which lets far-off starts see all sightings before the false ones are told apart. `tempering` divides the information of residuals that are not independent.
+//! with Levenberg's damping by what a step gains of what it promised (Marquardt 1963), iterative reweighting, and the loss's scale brought
+//! down with the residuals, which lets far-off starts see all sightings before the false ones are told apart. `tempering` divides the
+//! information of residuals that are not independent.
 //!
 //! Steps end at the unknowns' bounds; one that is at its bound and would go beyond stays there while the others move (Bertsekas 1982).
 
