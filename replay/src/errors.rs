@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
+use raven::filter::Tuning;
 use raven::log::JointSeries;
 use raven::robot::Joint;
 use raven::stats::{TTest, rms};
@@ -35,6 +36,8 @@ pub struct Estimates {
     pub filter: Estimate,
     /// Smoother, with all observations.
     pub smoother: Estimate,
+    /// How filter and smoother were tuned; nothing to tune with the paper's six states.
+    pub tuning: Option<Tuning>,
 }
 
 /// Errors with their times [s, rad or m].

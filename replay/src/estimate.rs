@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 use raven::Result;
-use raven::filter::{BiasStates, FilterRun, Friction, JointTrack, PaperStates, TipAt, Wander, run};
+use raven::filter::{BiasStates, FilterRun, JointTrack, PaperStates, TipAt, Tuning, run};
 use raven::log::Recording;
 use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 
@@ -21,8 +21,8 @@ pub struct Settings {
     pub occlude: f64,
     /// What it makes of that.
     pub occlusion: Occlusion,
-    /// How friction holds and the bias wanders; by default as the log's own tips say.
-    pub tuning: Option<(Friction, Wander)>,
+    /// How friction holds, the bias wanders and the cameras' errors persist; by default as the log's own tips say.
+    pub tuning: Option<Tuning>,
 }
 
 /// All estimates of one log, and the filter's own account.
@@ -41,14 +41,14 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
         offered.extend(stand_ins(&arm, &driving, &tips, &hidden));
         offered.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
-    let filter = match settings.filter {
-        FilterKind::Paper => run(&PaperStates::new(LinkModel::new(arm.clone())), &arm.kinematics, &motor, &offered),
+    let (filter, tuning) = match settings.filter {
+        FilterKind::Paper => (run(&PaperStates::new(LinkModel::new(arm.clone())), &arm.kinematics, &motor, &offered), None),
         FilterKind::Bias => {
             let states = match settings.tuning {
-                Some((friction, wander)) => BiasStates::new(arm.clone(), friction, wander),
+                Some(tuning) => BiasStates::new(arm.clone(), tuning),
                 None => BiasStates::tuned(&arm, &motor, &tips),
             };
-            run(&states, &arm.kinematics, &motor, &offered)
+            (run(&states, &arm.kinematics, &motor, &offered), Some(states.tuning))
         }
     };
     let estimates = Estimates {
@@ -57,6 +57,7 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
         camera,
         filter: track(&filter.filtered),
         smoother: track(&filter.smoothed),
+        tuning,
     };
     Ok((estimates, filter))
 }

@@ -41,7 +41,7 @@ pub struct Args {
     /// Cameras the tips were tracked with; held against those that the log says it was tracked with.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// States of the filter: the paper's six, or nine with a slow bias per joint.
+    /// States of the filter: the paper's six, or twelve with a slow bias per joint and what persists of the cameras' errors.
     #[arg(long, value_enum, default_value_t = FilterKind::Bias)]
     pub filter: FilterKind,
     /// Share of the time in which the marker is hidden from the filter, in blocks of 2 s.
@@ -150,7 +150,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         if let Some(plot) = &args.plot {
             cli::write_text(plot, &report::plot(&recording, &robot, &estimates)?, out)?;
         }
-        summaries.push(report::LogSummary::new(&recording, &filter));
+        summaries.push(report::LogSummary::new(&recording, &filter, estimates.tuning.as_ref()));
         bar.inc(1);
     }
     bar.finish_and_clear();

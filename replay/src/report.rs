@@ -6,8 +6,8 @@ use std::path::Path;
 
 use raven::Result;
 use raven::effects::within_images;
-use raven::filter::FilterRun;
 use raven::filter::consistency::{self, NormalisedSquares, Whiteness};
+use raven::filter::{FilterRun, Persistence, Tuning};
 use raven::log::{LogWriter, Recording, TipStatus, topics};
 use raven::plot;
 use raven::robot::{Arm, Robot};
@@ -29,6 +29,9 @@ pub struct Report {
     seconds: f64,
 }
 
+/// Part of the cameras' variance that is worth a sentence where it persists.
+const PERSISTS: f64 = 0.05;
+
 /// How consistent the filter was on one log.
 #[derive(Debug, Serialize)]
 pub struct LogSummary {
@@ -46,13 +49,15 @@ pub struct LogSummary {
     nis_band95: Option<[f64; 2]>,
     nis: Option<NormalisedSquares>,
     whiteness: Option<Whiteness>,
+    /// How the cameras' errors persist, as far as the filter was told.
+    persistence: Option<Persistence>,
     nees_filter: Option<NormalisedSquares>,
     nees_smoother: Option<NormalisedSquares>,
 }
 
 impl LogSummary {
     /// From a filter's run over a log.
-    pub fn new(recording: &Recording, filter: &FilterRun) -> Self {
+    pub fn new(recording: &Recording, filter: &FilterRun, tuning: Option<&Tuning>) -> Self {
         let nis = consistency::nis(filter);
         let nees = |track| recording.joint_encoders.as_ref().and_then(|reference| consistency::nees(track, reference));
         Self {
@@ -66,6 +71,7 @@ impl LogSummary {
             nis_band95: nis.map(|nis| nis.band95),
             nis,
             whiteness: consistency::whiteness(filter),
+            persistence: tuning.map(|tuning| tuning.persistence),
             nees_filter: nees(&filter.filtered),
             nees_smoother: nees(&filter.smoothed),
         }
@@ -81,6 +87,13 @@ impl LogSummary {
         if let Some(Whiteness { lag_one, band95, white }) = self.whiteness {
             let verdict = if white { "are independent" } else { "are alike from one to the next" };
             writeln!(out, "  Its innovations {verdict}: correlation {lag_one:+.3}, 95 % band +-{band95:.3}.")?;
+        }
+        if let Some(Persistence { part, path_m }) = self.persistence.filter(|persistence| persistence.part >= PERSISTS) {
+            let (percent, path_mm) = (100.0 * part, 1e3 * path_m);
+            writeln!(
+                out,
+                "  Of the variance of what the cameras see, {percent:.0} % persists over some {path_mm:.1} mm of the tip's path."
+            )?;
         }
         for (who, nees) in [("The filter", self.nees_filter), ("The smoother", self.nees_smoother)] {
             let Some(nees) = nees else { continue };

@@ -2,6 +2,7 @@
 
 mod array;
 pub mod consistency;
+mod persistence;
 mod run;
 mod smoother;
 mod srukf;
@@ -9,11 +10,11 @@ mod states;
 mod tune;
 mod wander;
 
+pub use persistence::{Persistence, TipPath};
 pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
 pub use smoother::{Smoothed, smooth};
 pub use srukf::{Innovation, SmootherStep, SquareRootUkf};
-pub use states::{BiasStates, Friction, PaperStates, StateEquation};
-pub use tune::likeliest_wander;
+pub use states::{BIAS_STATES, BiasStates, Friction, PaperStates, StateEquation, Tuning};
 pub use wander::{Wander, travel};
 
 #[cfg(test)]

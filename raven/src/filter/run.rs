@@ -171,7 +171,9 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
         };
         let (equation, kinematics) = (self.equation, self.kinematics);
         let gate = self.gate.filter(|_| self.refusals < REFUSALS_MAX);
-        let innovation = self.filter.update(&tip.position, |x| kinematics.forward(&equation.joints(x)), &noise.l(), gate);
+        let claimed = noise.l();
+        let seen = |x: &SVector<f64, N>| kinematics.forward(&equation.joints(x)) + equation.persistent_error(x, &claimed);
+        let innovation = self.filter.update(&tip.position, seen, &(claimed * equation.new_part()), gate);
         self.refusals = if innovation.accepted { 0 } else { self.refusals + 1 };
         out.innovations.push((tip.time_s, innovation));
         if let Some(last) = self.filtered.last_mut() {

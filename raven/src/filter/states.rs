@@ -1,14 +1,17 @@
-//! State equations for the joint filter: the paper's six states, and nine with a slow transmission bias per joint.
+//! State equations for the joint filter: the paper's six states, and twelve with a slow transmission bias per joint and what persists of the cameras'
+//! errors.
 //!
 //! The motor angle is an input. With six states the stiff cables slave the joints to the motors and the camera is hardly used; a bias
-//! that may wander lets the filter doubt the transmission, and the camera then says by how much.
+//! that may wander lets the filter doubt the transmission, and the camera then says by how much. What the [persistent](super::persistence) errors
+//! are lets it doubt the camera in turn.
 
 use std::borrow::Cow;
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
+use super::tune::{Seen, likeliest_persistence, likeliest_wander};
 use super::wander::travel;
-use super::{TipAt, Wander, likeliest_wander};
+use super::{Persistence, TipAt, TipPath, Wander};
 use crate::robot::{Arm, LinkModel, LinkState, MotorTrack};
 
 /// A state equation with `N` states driven by motor angles.
@@ -26,6 +29,16 @@ pub trait StateEquation<const N: usize> {
 
     /// State at rest, as the motors and the cables have it, and the factor of what is not known of it.
     fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, N>, SMatrix<f64, N, N>);
+
+    /// What of a state the cameras' errors are [m, frame 0], where a sighting claims errors of this factor; the noise apart.
+    fn persistent_error(&self, _state: &SVector<f64, N>, _claimed: &Matrix3<f64>) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    /// Deviation of what is new in each sighting, as a part of the deviation that it claims.
+    fn new_part(&self) -> f64 {
+        1.0
+    }
 
     /// Joint positions [rad, rad, m] of a state.
     fn joints(&self, state: &SVector<f64, N>) -> Vector3<f64> {
@@ -85,17 +98,31 @@ impl StateEquation<6> for PaperStates {
     }
 }
 
-/// `x: 9x1`, the paper's six and a transmission bias per joint [rad, rad, m]: the joint sits where the cables would hold it, plus bias.
+/// Number of states of [`BiasStates`].
+pub const BIAS_STATES: usize = 12;
+
+/// `x: 12x1`, the paper's six, a transmission bias per joint [rad, rad, m], by which the joint sits beside where the cables would hold it, and what
+/// persists of the cameras' errors, in deviations.
 #[derive(Debug, Clone)]
 pub struct BiasStates {
     /// The six.
     pub paper: PaperStates,
+    /// What the log says.
+    pub tuning: Tuning,
+    /// What the bias may be at the start [rad, rad, m].
+    pub bias_initial: Vector3<f64>,
+    path: TipPath,
+}
+
+/// What of [`BiasStates`] a log's own tips say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tuning {
     /// How friction holds.
     pub friction: Friction,
     /// How the bias may wander.
     pub wander: Wander,
-    /// What the bias may be at the start [rad, rad, m].
-    pub bias_initial: Vector3<f64>,
+    /// How the cameras' errors persist.
+    pub persistence: Persistence,
 }
 
 /// How Coulomb friction holds a joint whose motor stands still.
@@ -107,41 +134,58 @@ pub enum Friction {
     Holding,
 }
 
+/// First of the states that are biases, and of those that are the cameras' errors.
+const BIAS: usize = 6;
+const ERROR: usize = 9;
+
 /// Size of bias that such transmissions show: 1 deg, 2 mm.
 const BIAS_INITIAL: [f64; 3] = [0.02, 0.02, 2e-3];
 
 impl BiasStates {
-    /// With a bias that wanders as `wander` says.
+    /// Of an arm.
     #[must_use]
-    pub fn new(mut arm: Arm, friction: Friction, wander: Wander) -> Self {
-        arm.link_friction.iter_mut().for_each(|of_joint| of_joint.held_part = f64::from(u8::from(friction == Friction::Holding)));
-        Self { paper: PaperStates::new(LinkModel::new(arm)), friction, wander, bias_initial: Vector3::from(BIAS_INITIAL) }
+    pub fn new(mut arm: Arm, tuning: Tuning) -> Self {
+        let held_part = f64::from(u8::from(tuning.friction == Friction::Holding));
+        arm.link_friction.iter_mut().for_each(|of_joint| of_joint.held_part = held_part);
+        let path = TipPath::of(&arm);
+        Self { paper: PaperStates::new(LinkModel::new(arm)), tuning, bias_initial: Vector3::from(BIAS_INITIAL), path }
     }
 
-    /// With the friction and the wander under which the log's own tips are likeliest; where they are too few to say, with friction that
-    /// holds and a bias that wanders by as much as it may be at the start over some ten seconds.
+    /// With the tuning under which the log's own tips are likeliest; where they are too few to say, with friction that holds, a bias that wanders by
+    /// as much as it may be at the start over some ten seconds, and errors that do not persist.
     #[must_use]
     pub fn tuned(arm: &Arm, motor: &MotorTrack, tips: &[TipAt]) -> Self {
-        let untuned = Wander::over_time(Vector3::from(BIAS_INITIAL) / 10.0_f64.sqrt());
+        let wander = Wander::over_time(Vector3::from(BIAS_INITIAL) / 10.0_f64.sqrt());
+        let untuned = |friction| Self::new(arm.clone(), Tuning { friction, wander, persistence: Persistence::NONE });
         let of_friction = |friction| {
-            let states = Self::new(arm.clone(), friction, untuned);
-            let (wander, unlikeliness) = likeliest_wander(&states.paper.model, motor, &states.driving(motor), tips, &states.bias_initial)?;
-            Some((unlikeliness, Self { wander, ..states }))
+            let states = untuned(friction);
+            let seen = Seen::new(&states.paper.model, motor, &states.driving(motor), tips, &states.bias_initial)?;
+            let (place, unlikeliness) = likeliest_wander(&seen);
+            Some((unlikeliness, seen, place, states))
         };
         let likelier = [Friction::Holding, Friction::Creeping].into_iter().filter_map(of_friction).min_by(|a, b| a.0.total_cmp(&b.0));
-        likelier.map_or_else(|| Self::new(arm.clone(), Friction::Holding, untuned), |(_, states)| states)
+        let Some((_, seen, place, states)) = likelier else { return untuned(Friction::Holding) };
+        let place = likeliest_persistence(&seen, place);
+        Self { tuning: Tuning { wander: place.wander(), persistence: place.persistence(), ..states.tuning }, ..states }
     }
 }
 
-impl StateEquation<9> for BiasStates {
-    fn transition(&self, state: &SVector<f64, 9>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, 9> {
-        let bias: Vector3<f64> = state.fixed_rows::<3>(6).into();
+impl StateEquation<BIAS_STATES> for BiasStates {
+    fn transition(
+        &self,
+        state: &SVector<f64, BIAS_STATES>,
+        motor: &Vector3<f64>,
+        motor_rate: &Vector3<f64>,
+        step_s: f64,
+    ) -> SVector<f64, BIAS_STATES> {
+        let bias: Vector3<f64> = state.fixed_rows::<3>(BIAS).into();
         let unbiased: Vector3<f64> = state.fixed_rows::<3>(0) - bias;
         let links = LinkState::new(unbiased, state.fixed_rows::<3>(3).into());
         let links = self.paper.model.advance(links, motor, motor_rate, step_s);
         let mut next = *state;
         next.fixed_rows_mut::<3>(0).copy_from(&(links.position + bias));
         next.fixed_rows_mut::<3>(3).copy_from(&links.rate);
+        next.fixed_rows_mut::<3>(ERROR).scale_mut(self.tuning.persistence.kept(self.path.m(&(motor_rate * step_s))));
         next
     }
 
@@ -149,35 +193,46 @@ impl StateEquation<9> for BiasStates {
         self.paper.driving(motor)
     }
 
-    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, 9, 9> {
-        let mut factor = SMatrix::<f64, 9, 9>::zeros();
+    fn persistent_error(&self, state: &SVector<f64, BIAS_STATES>, claimed: &Matrix3<f64>) -> Vector3<f64> {
+        claimed * state.fixed_rows::<3>(ERROR) * self.tuning.persistence.new_and_persistent()[1]
+    }
+
+    fn new_part(&self) -> f64 {
+        self.tuning.persistence.new_and_persistent()[0]
+    }
+
+    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, BIAS_STATES, BIAS_STATES> {
+        let mut factor = SMatrix::<f64, BIAS_STATES, BIAS_STATES>::zeros();
         factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.paper.noise_factor(step_s, turned));
-        let variance = self.wander.variance(step_s, &travel(&self.paper.model.arm().transmission, turned));
+        let variance = self.tuning.wander.variance(step_s, &travel(&self.paper.model.arm().transmission, turned));
+        let kept = self.tuning.persistence.kept(self.path.m(turned));
         for j in 0..3 {
             // A bias that moves carries the joint with it.
             let wander = variance[j].sqrt();
-            factor[(6 + j, 6 + j)] = wander;
-            factor[(j, 6 + j)] = wander;
+            factor[(BIAS + j, BIAS + j)] = wander;
+            factor[(j, BIAS + j)] = wander;
+            factor[(ERROR + j, ERROR + j)] = (1.0 - kept * kept).sqrt();
         }
         factor
     }
 
-    fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, 9>, SMatrix<f64, 9, 9>) {
+    fn initial(&self, motor: &Vector3<f64>) -> (SVector<f64, BIAS_STATES>, SMatrix<f64, BIAS_STATES, BIAS_STATES>) {
         let (mean6, factor6) = self.paper.initial(motor);
-        let mut mean = SVector::<f64, 9>::zeros();
+        let mut mean = SVector::<f64, BIAS_STATES>::zeros();
         mean.fixed_rows_mut::<6>(0).copy_from(&mean6);
         // Lower-triangular factor with joint = cable + bias: order the bias's column first and let it reach both rows.
-        let mut joint = SMatrix::<f64, 9, 9>::zeros();
-        joint.fixed_view_mut::<6, 6>(0, 0).copy_from(&(factor6 * factor6.transpose()));
+        let mut covariance = SMatrix::<f64, BIAS_STATES, BIAS_STATES>::zeros();
+        covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(&(factor6 * factor6.transpose()));
         for j in 0..3 {
             let variance = self.bias_initial[j].powi(2);
-            joint[(j, j)] += variance;
-            joint[(j, 6 + j)] = variance;
-            joint[(6 + j, j)] = variance;
-            joint[(6 + j, 6 + j)] = variance;
+            covariance[(j, j)] += variance;
+            covariance[(j, BIAS + j)] = variance;
+            covariance[(BIAS + j, j)] = variance;
+            covariance[(BIAS + j, BIAS + j)] = variance;
+            covariance[(ERROR + j, ERROR + j)] = 1.0;
         }
-        // Positive definite by construction: a sum of two positive parts, the second reaching the bias rows.
-        let factor = joint.cholesky().map_or_else(SMatrix::identity, |c| c.l());
+        // Positive definite by construction: a sum of positive parts, one reaching the bias rows.
+        let factor = covariance.cholesky().map_or_else(SMatrix::identity, |c| c.l());
         (mean, factor)
     }
 }

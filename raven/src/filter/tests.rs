@@ -175,15 +175,19 @@ fn refuses_what_is_not_finite_or_beyond_the_gate() {
 #[test]
 fn noise_of_the_state_equations_adds_up_over_time_and_travel() {
     let wander = Wander { with_time: Vector3::new(1e-3, 2e-3, 1e-4), with_travel: Vector3::new(2e-3, 1e-3, 2e-4) };
-    let states = BiasStates::new(nominal::gold().arm().unwrap(), Friction::Holding, wander);
+    let (friction, persistence) = (Friction::Holding, Persistence { part: 0.6, path_m: 4e-3 });
+    let arm = nominal::gold().arm().unwrap();
+    let (path, rate) = (TipPath::of(&arm), Vector3::new(30.0, 20.0, 50.0));
+    let states = BiasStates::new(arm, Tuning { friction, wander, persistence });
     let q = |t: f64| {
-        let factor = states.noise_factor(t, &Vector3::new(30.0 * t, 20.0 * t, 50.0 * t));
+        let factor = states.noise_factor(t, &(rate * t));
         factor * factor.transpose()
     };
-    // Velocity and bias noise over two steps: carried by the kinematics x += v t.
-    let mut carry = SMatrix::<f64, 9, 9>::identity();
+    // Noise over two steps: that of velocities carried by the kinematics x += v t, that of the cameras' errors as far as they are kept.
+    let mut carry = SMatrix::<f64, BIAS_STATES, BIAS_STATES>::identity();
     for j in 0..3 {
         carry[(j, 3 + j)] = 0.01;
+        carry[(9 + j, 9 + j)] = persistence.kept(path.m(&(rate * 0.01)));
     }
     assert_relative_eq!(carry * q(0.01) * carry.transpose() + q(0.01), q(0.02), epsilon = 1e-15, max_relative = 1e-9);
 }
@@ -224,8 +228,9 @@ fn mean_nees<const N: usize>(
             truth = equation.transition(&truth, &at, &rate, STEP_S) + noise * SVector::<f64, N>::from_fn(|_, _| normal());
             filter.predict(|x| equation.transition(x, &at, &rate, STEP_S), &noise);
             if k % 13 == 12 {
-                let tip = kinematics.forward(&equation.joints(&truth)) + seen * Vector3::from_fn(|_, _| normal());
-                filter.update(&tip, |x| kinematics.forward(&equation.joints(x)), &seen, None);
+                let observe = |x: &SVector<f64, N>| kinematics.forward(&equation.joints(x)) + equation.persistent_error(x, &seen);
+                let new = seen * equation.new_part();
+                filter.update(&(observe(&truth) + new * Vector3::from_fn(|_, _| normal())), observe, &new, None);
             }
         }
         let error = filter.factor.solve_lower_triangular(&(truth - filter.mean)).unwrap();
@@ -245,7 +250,8 @@ fn claimed_deviations_hold_when_the_robot_is_as_believed() {
     let six = mean_nees(&PaperStates::new(LinkModel::new(arm.clone())), &kinematics, motor, runs);
     assert!((six - 6.0).abs() < band(6.0), "six states: {six:.2}");
     for friction in [Friction::Holding, Friction::Creeping] {
-        let nine = mean_nees(&BiasStates::new(arm.clone(), friction, wander), &kinematics, motor, runs);
-        assert!((nine - 9.0).abs() < band(9.0), "nine states: {nine:.2}");
+        let tuning = Tuning { friction, wander, persistence: Persistence { part: 0.8, path_m: 5e-3 } };
+        let twelve = mean_nees(&BiasStates::new(arm.clone(), tuning), &kinematics, motor, runs);
+        assert!((twelve - 12.0).abs() < band(12.0), "twelve states: {twelve:.2}");
     }
 }

@@ -17,7 +17,7 @@ use std::time::Instant;
 
 use raven::Result;
 use raven::cli::{self, Outcome};
-use raven::filter::{BiasStates, Friction, Wander};
+use raven::filter::{BiasStates, Tuning};
 use raven::log::Recording;
 use raven::robot::Robot;
 use serde::Serialize;
@@ -91,7 +91,7 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
 
     let parameters = Parameters::identify(&mut chain, folder)?;
     let robot = Robot::read(&folder.join("a.yaml"))?;
-    let settings = Settings { tuning: Some(tuning(&robot, folder)?), ..NINE };
+    let settings = Settings { tuning: Some(tuning(&robot, folder)?), ..TWELVE };
     let trials = trials::Trials::run(&robot, folder, &settings)?;
     chain.say(&trials.text())?;
     let occlusion = occlusion::Occlusions::run(&robot, &folder.join("fls7.mcap"), &settings)?;
@@ -104,16 +104,15 @@ pub fn run(args: &Args, out: &mut dyn Write) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// Nine states that skip what is hidden.
-const NINE: Settings = Settings { filter: FilterKind::Bias, occlude: 0.0, occlusion: Occlusion::Skip, tuning: None };
+/// Twelve states that skip what is hidden.
+const TWELVE: Settings = Settings { filter: FilterKind::Bias, occlude: 0.0, occlusion: Occlusion::Skip, tuning: None };
 
-/// How friction holds and the bias wanders, from the recording of experiment B: the trials must not tune the filter that is tried on them.
-fn tuning(robot: &Robot, folder: &Path) -> Result<(Friction, Wander)> {
+/// The filter's tuning from the recording of experiment B: the trials must not tune the filter that is tried on them.
+fn tuning(robot: &Robot, folder: &Path) -> Result<Tuning> {
     let recording = read(&folder.join("fls.mcap"), robot)?;
     let arm = robot.arm()?;
     let tips = recording.tips(robot)?;
-    let states = BiasStates::tuned(&arm, &recording.motor_track()?, &tips);
-    Ok((states.friction, states.wander))
+    Ok(BiasStates::tuned(&arm, &recording.motor_track()?, &tips).tuning)
 }
 
 fn read(path: &Path, robot: &Robot) -> Result<Recording> {

@@ -18,8 +18,8 @@ pub const SHARES: [f64; 6] = [0.0, 0.1, 0.2, 0.4, 0.6, 0.8];
 
 /// What is compared.
 pub const WAYS: [(&str, FilterKind, Occlusion); 4] = [
-    ("nine states", FilterKind::Bias, Occlusion::Skip),
-    ("nine states, switch", FilterKind::Bias, Occlusion::Kinematics),
+    ("twelve states", FilterKind::Bias, Occlusion::Skip),
+    ("twelve states, switch", FilterKind::Bias, Occlusion::Kinematics),
     ("six states", FilterKind::Paper, Occlusion::Skip),
     ("six states, switch", FilterKind::Paper, Occlusion::Kinematics),
 ];

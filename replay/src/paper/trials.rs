@@ -14,7 +14,7 @@ use crate::errors::{ErrorSeries, JointErrors};
 use crate::estimate::{Settings, estimate, track};
 
 /// The estimates that are compared, in the order of the tables.
-pub const ESTIMATES: [&str; 5] = ["as recorded", "kinematics", "six states", "nine states", "smoother"];
+pub const ESTIMATES: [&str; 5] = ["as recorded", "kinematics", "six states", "twelve states", "smoother"];
 /// Among [`ESTIMATES`]: what the controller believed, and the filter that is tested against it.
 const BELIEVED: usize = 0;
 const FILTER: usize = 3;
@@ -74,7 +74,7 @@ impl Summary {
     }
 }
 
-/// Consistency of the nine-state filter on one trial.
+/// Consistency of the twelve-state filter on one trial.
 #[derive(Debug, Serialize)]
 struct Account {
     trial: usize,
@@ -104,9 +104,9 @@ impl Trials {
             let recording = read(&folder.join(format!("fls{trial}.mcap")), robot)?;
             let reference = recording.require_joint_encoders()?;
             let (_, six_run) = estimate(&recording, robot, &Settings { filter: FilterKind::Paper, ..*settings })?;
-            let (estimates, nine_run) = estimate(&recording, robot, settings)?;
+            let (estimates, twelve_run) = estimate(&recording, robot, settings)?;
             if trial == 1 {
-                figures::over_time(folder, robot, &recording, &estimates, &nine_run)?;
+                figures::over_time(folder, robot, &recording, &estimates, &twelve_run)?;
             }
             let six = track(&six_run.filtered);
             let errors: TrialErrors = [0, 1, 2].map(|j| {
@@ -125,9 +125,9 @@ impl Trials {
             }
             accounts.push(Account {
                 trial,
-                nis: consistency::nis(&nine_run),
-                nees_filter: consistency::nees(&nine_run.filtered, reference),
-                nees_smoother: consistency::nees(&nine_run.smoothed, reference),
+                nis: consistency::nis(&twelve_run),
+                nees_filter: consistency::nees(&twelve_run.filtered, reference),
+                nees_smoother: consistency::nees(&twelve_run.smoothed, reference),
             });
             all.push(errors);
         }
@@ -141,10 +141,10 @@ impl Trials {
     #[must_use]
     pub fn text(&self) -> String {
         let head = |first: &str| {
-            let names = ESTIMATES.map(|name| format!("{name:>12}")).concat();
+            let names = ESTIMATES.map(|name| format!("{name:>14}")).concat();
             format!("{first:<22} {:>4}{names} {:>12}", "unit", "improvement")
         };
-        let numbers = |values: &[f64; 5]| values.map(|v| format!("{v:>12.4}")).concat();
+        let numbers = |values: &[f64; 5]| values.map(|v| format!("{v:>14.4}")).concat();
         let mut lines = vec!["Experiment C, Table I: RMS error against the joint encoders, per trial".to_owned(), head("trial")];
         for row in &self.rows {
             let name = format!("{} ({:.0} s) {}", row.trial, row.seconds, row.joint);
@@ -156,14 +156,14 @@ impl Trials {
             lines.push(format!("{:<22} {:>4}{} {:>10.1} %", s.joint, s.unit, numbers(&s.weighted), s.improvement_percent));
             lines.push(format!("{:<22} {:>4}{} {:>10.1} %", "  pooled", s.unit, numbers(&s.pooled), pooled));
             let p = |test: Option<TTest>| test.map_or_else(|| "-".to_owned(), |t| format!("{:.1e}", t.p));
-            lines.push(format!("  P of nine states against as recorded: unpaired {}, paired {}", p(s.unpaired), p(s.paired)));
+            lines.push(format!("  P of twelve states against as recorded: unpaired {}, paired {}", p(s.unpaired), p(s.paired)));
         }
         let mean = |of: &dyn Fn(&Account) -> Option<NormalisedSquares>| {
             let found: Vec<f64> = self.consistency.iter().filter_map(of).map(|n| n.times_claimed.powi(2)).collect();
             (found.iter().sum::<f64>() / found.len().max(1) as f64).sqrt()
         };
         lines.push(format!(
-            "Errors over what the nine states claim: innovations {:.2}, joints of the filter {:.2}, of the smoother {:.2}.\n",
+            "Errors over what the twelve states claim: innovations {:.2}, joints of the filter {:.2}, of the smoother {:.2}.\n",
             mean(&|a| a.nis),
             mean(&|a| a.nees_filter),
             mean(&|a| a.nees_smoother)
