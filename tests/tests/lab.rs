@@ -124,8 +124,12 @@ fn goes_through_the_chain(logs: &Path, truth: &Value, motions: &[&str]) {
         let log = format!("{{{motion}-tracked.mcap}}");
         typed(at, raven_replay::run, &[&log, "--robot", "{identified.yaml}", "--cameras", "{cameras.yaml}", "--json", "{replay.json}"])
             .unwrap();
-        let improvement = number(&json(at, "replay.json"), "/joints/0/improvement_percent");
+        let report = json(at, "replay.json");
+        let improvement = number(&report, "/joints/0/improvement_percent");
         assert!(improvement >= 43.0, "{motion}: the shoulder is only {improvement:.1} % better than transmission kinematics");
+        // Three where the filter is told what the images' errors have in common, two where it is not.
+        let nis = number(&report, "/logs/0/nis_mean");
+        assert!((nis - 3.0).abs() < 0.5, "{motion}: innovations have a mean square of {nis:.2} instead of 3");
     }
 }
 

@@ -14,8 +14,8 @@ use crate::robot::{LinkModel, MotorTrack};
 /// floats.
 const WANDER_RANGE: [f64; 2] = [1e-6, 0.1];
 
-/// Paths over which errors persist that are looked through [m]: from a fraction of a pixel to all that a tip may do.
-const PATH_RANGE: [f64; 2] = [1e-4, 0.1];
+/// Paths over which errors persist that are looked through [m]: from a fraction of a pixel to a marker's size. What lasts longer is the registration's.
+const PATH_RANGE: [f64; 2] = [1e-4, 1e-2];
 
 /// Largest part of the errors that may persist: something is new in every image.
 const PART_MAX: f64 = 0.98;
@@ -25,6 +25,11 @@ const OUTLIER_NIS: f64 = 30.0;
 
 /// Numbers of [`Persistence`], each worth a nat.
 const NUMBERS: f64 = 2.0;
+
+/// Steps in which whole ranges are looked through, until another sweep gains less [nats], or so often.
+const GRID: u8 = 12;
+const GAIN_MIN: f64 = 0.5;
+const SWEEPS_MAX: usize = 6;
 
 /// Fewest tips that say something.
 const TIPS_MIN: usize = 10;
@@ -130,7 +135,7 @@ pub(super) fn likeliest_wander(seen: &Seen) -> (Place, f64) {
     let [with_time, with_travel] = [[0, 1, 2], [3, 4, 5]].map(|active| {
         let mut place = Place([-1.0; 8]);
         active.iter().for_each(|&k| place.0[k] = 0.0);
-        search(place, &active, 1.0, seen)
+        search(place, &active, seen)
     });
     let (mut best, other) = if cost(&with_time) < cost(&with_travel) { (with_time, with_travel) } else { (with_travel, with_time) };
     for j in 0..3 {
@@ -140,7 +145,7 @@ pub(super) fn likeliest_wander(seen: &Seen) -> (Place, f64) {
             best = trial;
         }
     }
-    let best = search(best, &[0, 1, 2, 3, 4, 5], 0.5, seen);
+    let best = search(best, &[0, 1, 2, 3, 4, 5], seen);
     (best, cost(&best))
 }
 
@@ -156,7 +161,7 @@ pub(super) fn likeliest_persistence(seen: &Seen, wander: Place) -> Place {
         })
     });
     let start = starts.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(wander, |(_, place)| place);
-    let best = search(start, &[PART, PATH, 0, 1, 2, 3, 4, 5], 0.5, seen);
+    let best = search(start, &[PART, PATH, 0, 1, 2, 3, 4, 5], seen);
     if cost(&best) + NUMBERS < cost(&wander) { best } else { wander }
 }
 
@@ -188,24 +193,33 @@ fn between(range: [f64; 2], place: f64) -> f64 {
     (0.5 * (low + high) + 0.5 * (high - low) * place).exp()
 }
 
-/// Coordinate search with a shrinking bracket over the `active` coordinates of a place; they hardly interact.
-fn search(mut place: Place, active: &[usize], mut width: f64, seen: &Seen) -> Place {
-    let mut lowest = place.unlikeliness(seen);
-    for _ in 0..12 {
+/// Coordinate search over the `active` coordinates of a place: through their whole ranges until that gains no more, as a joint's wander with time
+/// and with travel stand in for each other, then in a bracket that shrinks about what was found.
+fn search(place: Place, active: &[usize], seen: &Seen) -> Place {
+    let mut best = (place.unlikeliness(seen), place);
+    let better = |best: (f64, Place), k: usize, at: f64| {
+        let mut trial = best.1;
+        trial.0[k] = at.clamp(-1.0, 1.0);
+        let value = trial.unlikeliness(seen);
+        if value < best.0 { (value, trial) } else { best }
+    };
+    let step = 2.0 / f64::from(GRID);
+    for _ in 0..SWEEPS_MAX {
+        let before = best.0;
         for &k in active {
-            for share in [-1.0, -0.5, 0.5, 1.0] {
-                let mut trial = place;
-                trial.0[k] = (place.0[k] + share * width).clamp(-1.0, 1.0);
-                let value = trial.unlikeliness(seen);
-                if value < lowest {
-                    (lowest, place) = (value, trial);
-                    break;
-                }
-            }
+            best = (0..=GRID).fold(best, |best, i| better(best, k, f64::from(i) * step - 1.0));
         }
-        width *= 0.6;
+        if before - best.0 < GAIN_MIN {
+            break;
+        }
     }
-    place
+    for width in (0..12).map(|shrunk| step * 0.6_f64.powi(shrunk)) {
+        for &k in active {
+            let middle = best.1.0[k];
+            best = [-1.0, -0.5, 0.5, 1.0].iter().fold(best, |best, share| better(best, k, middle + share * width));
+        }
+    }
+    best.1
 }
 
 #[cfg(test)]
