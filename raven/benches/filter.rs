@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use nalgebra::{Const, Matrix3, SMatrix, SVector, Vector3};
-use raven::filter::{PaperStates, SquareRootUkf, StateEquation};
+use raven::filter::{PaperStates, SquareRootUkf, StateEquation, Turned};
 use raven::robot::{LinkModel, nominal};
 
 const STEP_S: f64 = 1e-3;
@@ -24,7 +24,8 @@ fn main() {
     let equation = PaperStates::new(LinkModel::new(arm));
     let (mean, factor) = equation.initial(&motor);
     let tip = kinematics.forward(&equation.joints(&mean));
-    let noise = equation.noise_factor(STEP_S, &rate.map(|r: f64| r.abs() * STEP_S));
+    let turned = rate.map(|r: f64| r.abs() * STEP_S);
+    let noise = equation.noise_factor(STEP_S, &Turned { seen: turned, driving: turned });
     let seen = Matrix3::identity() * 1e-3;
     let mut filter = SquareRootUkf::<Const<6>, 3>::new(mean, factor);
 

@@ -17,7 +17,7 @@
 
 use nalgebra::{Const, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, Vector3};
 use raven::Result;
-use raven::filter::{KNOT_S, SquareRootUkf, StateEquation};
+use raven::filter::{KNOT_S, SquareRootUkf, StateEquation, Turned};
 use rayon::prelude::*;
 
 use super::links::{Links, States};
@@ -109,7 +109,7 @@ impl<'a> Dual<'a> {
                     let start = self.start(&links, motion, (last, filter.mean), now);
                     let along = |points: &mut [States]| points.par_iter_mut().for_each(|x| *x = links.follow(x, motion, last, now));
                     // The cables take back what noise did earlier than that.
-                    filter.predict_batch(along, &links.equation().noise_factor(KNOT_S.min(now - last), &Vector3::zeros()));
+                    filter.predict_batch(along, &links.equation().noise_factor(KNOT_S.min(now - last), &Turned::default()));
                     (filter, start)
                 }
                 None => (links.at_rest(motion, now), None),

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector, Dyn, Vector3};
 use raven::Result;
-use raven::filter::{KNOT_S, SquareRootUkf, StateEquation};
+use raven::filter::{KNOT_S, SquareRootUkf, StateEquation, Turned};
 use rayon::prelude::*;
 
 use super::links::{Links, States};
@@ -84,7 +84,7 @@ impl Joint<'_> {
         let n = self.filter.mean.len();
         let mut noise = DMatrix::zeros(n, n);
         // The cables take back what noise did earlier than that.
-        noise.view_range_mut(..STATES, ..STATES).copy_from(&links.equation().noise_factor(KNOT_S.min(now - last), &Vector3::zeros()));
+        noise.view_range_mut(..STATES, ..STATES).copy_from(&links.equation().noise_factor(KNOT_S.min(now - last), &Turned::default()));
         self.advance(|links, states| links.follow(states, motion, last, now), &noise);
         Ok(())
     }

@@ -14,7 +14,7 @@ pub use persistence::{Persistence, TipPath};
 pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
 pub use smoother::{Smoothed, smooth};
 pub use srukf::{Innovation, SmootherStep, SquareRootUkf};
-pub use states::{BIAS_STATES, BiasStates, Friction, PaperStates, StateEquation, Tuning};
+pub use states::{BIAS_STATES, BiasStates, Friction, PaperStates, StateEquation, Tuning, Turned};
 pub use wander::{Wander, travel};
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Const, Matrix3, SVector, Vector3};
 
-use super::{Innovation, Smoothed, SmootherStep, SquareRootUkf, StateEquation, smooth};
+use super::{Innovation, Smoothed, SmootherStep, SquareRootUkf, StateEquation, Turned, smooth};
 use crate::robot::{Kinematics, MotorTrack, PAUSE_MAX_S};
 use crate::stats::chi_square_quantile;
 
@@ -154,7 +154,10 @@ impl<'a, const N: usize, E: StateEquation<N>> Stretch<'a, N, E> {
         let total_s: f64 = self.pieces.iter().map(|piece| piece.duration_s).sum();
         if total_s > 0.0 {
             let (equation, pieces) = (self.equation, &self.pieces);
-            let turned: Vector3<f64> = pieces.iter().map(|piece| piece.rate.abs() * piece.duration_s).sum();
+            let turned = Turned {
+                seen: pieces.iter().map(|piece| piece.rate.abs() * piece.duration_s).sum(),
+                driving: pieces.iter().map(|piece| piece.driving.1.abs() * piece.duration_s).sum(),
+            };
             let step = |x, piece: &Piece| equation.transition(&x, &piece.driving.0, &piece.driving.1, piece.duration_s);
             let along = |x: &SVector<f64, N>| pieces.iter().fold(*x, step);
             self.steps.push(self.filter.predict_recorded(along, &equation.noise_factor(total_s, &turned)));

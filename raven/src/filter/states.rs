@@ -14,13 +14,22 @@ use super::wander::travel;
 use super::{Persistence, TipAt, TipPath, Wander};
 use crate::robot::{Arm, LinkModel, LinkState, MotorTrack};
 
+/// How far motors turned, to and fro all counted.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Turned {
+    /// As their encoders saw [rad].
+    pub seen: Vector3<f64>,
+    /// As they drive the transition [rad]: less where friction that holds makes play.
+    pub driving: Vector3<f64>,
+}
+
 /// A state equation with `N` states driven by motor angles.
 pub trait StateEquation<const N: usize> {
     /// State after `step_s`, the motors moving steadily from `motor` [rad] at `motor_rate` [rad/s].
     fn transition(&self, state: &SVector<f64, N>, motor: &Vector3<f64>, motor_rate: &Vector3<f64>, step_s: f64) -> SVector<f64, N>;
 
-    /// Factor of the process noise that gathers in `step_s` while the motors turn by `turned` [rad], to and fro all counted.
-    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, N, N>;
+    /// Factor of the process noise that gathers in `step_s` while the motors turn by so much.
+    fn noise_factor(&self, step_s: f64, turned: &Turned) -> SMatrix<f64, N, N>;
 
     /// Motor angles that drive [`Self::transition`], sample by sample those of `motor`.
     fn driving<'a>(&self, motor: &'a MotorTrack) -> Cow<'a, MotorTrack> {
@@ -73,7 +82,7 @@ impl StateEquation<6> for PaperStates {
         next
     }
 
-    fn noise_factor(&self, step_s: f64, _turned: &Vector3<f64>) -> SMatrix<f64, 6, 6> {
+    fn noise_factor(&self, step_s: f64, _turned: &Turned) -> SMatrix<f64, 6, 6> {
         let mut factor = SMatrix::zeros();
         for j in 0..3 {
             // Velocity noise of spectral density q^2, integrated: the Cholesky factor of q^2 [T^3/3 T^2/2; T^2/2 T].
@@ -201,11 +210,11 @@ impl StateEquation<BIAS_STATES> for BiasStates {
         self.tuning.persistence.new_and_persistent()[0]
     }
 
-    fn noise_factor(&self, step_s: f64, turned: &Vector3<f64>) -> SMatrix<f64, BIAS_STATES, BIAS_STATES> {
+    fn noise_factor(&self, step_s: f64, turned: &Turned) -> SMatrix<f64, BIAS_STATES, BIAS_STATES> {
         let mut factor = SMatrix::<f64, BIAS_STATES, BIAS_STATES>::zeros();
         factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.paper.noise_factor(step_s, turned));
-        let variance = self.tuning.wander.variance(step_s, &travel(&self.paper.model.arm().transmission, turned));
-        let kept = self.tuning.persistence.kept(self.path.m(turned));
+        let variance = self.tuning.wander.variance(step_s, &travel(&self.paper.model.arm().transmission, &turned.seen));
+        let kept = self.tuning.persistence.kept(self.path.m(&turned.driving));
         for j in 0..3 {
             // A bias that moves carries the joint with it.
             let wander = variance[j].sqrt();

@@ -180,7 +180,7 @@ fn noise_of_the_state_equations_adds_up_over_time_and_travel() {
     let (path, rate) = (TipPath::of(&arm), Vector3::new(30.0, 20.0, 50.0));
     let states = BiasStates::new(arm, Tuning { friction, wander, persistence });
     let q = |t: f64| {
-        let factor = states.noise_factor(t, &(rate * t));
+        let factor = states.noise_factor(t, &Turned { seen: rate * t, driving: rate * t });
         factor * factor.transpose()
     };
     // Noise over two steps: that of velocities carried by the kinematics x += v t, that of the cameras' errors as far as they are kept.
@@ -222,7 +222,8 @@ fn mean_nees<const N: usize>(
         let (mean, factor) = equation.initial(&motor);
         let mut truth = mean + factor * SVector::<f64, N>::from_fn(|_, _| normal());
         let mut filter = SquareRootUkf::<Const<N>, 3>::new(mean, factor);
-        let noise = equation.noise_factor(STEP_S, &(rate.abs() * STEP_S));
+        let turned = rate.abs() * STEP_S;
+        let noise = equation.noise_factor(STEP_S, &Turned { seen: turned, driving: turned });
         for k in 0..300 {
             let at = motor + rate * (f64::from(k) * STEP_S);
             truth = equation.transition(&truth, &at, &rate, STEP_S) + noise * SVector::<f64, N>::from_fn(|_, _| normal());
