@@ -10,7 +10,7 @@ mod states;
 mod tune;
 mod wander;
 
-pub use persistence::{Persistence, TipPath};
+pub use persistence::Persistence;
 pub use run::{FilterRun, JointTrack, KNOT_S, TipAt, run};
 pub use smoother::{Smoothed, smooth};
 pub use srukf::{Innovation, SmootherStep, SquareRootUkf};

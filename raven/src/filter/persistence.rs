@@ -41,7 +41,7 @@ impl Persistence {
 
 /// How far the tip goes while motors turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TipPath {
+pub(super) struct TipPath {
     /// Of each motor alone, with the tip in the middle of its ranges [m/rad].
     m_per_rad: Vector3<f64>,
 }
@@ -49,7 +49,7 @@ pub struct TipPath {
 impl TipPath {
     /// Of an arm.
     #[must_use]
-    pub fn of(arm: &Arm) -> Self {
+    pub(super) fn of(arm: &Arm) -> Self {
         let middle = Vector3::from_fn(|j, _| 0.5 * (arm.limits[j][0] + arm.limits[j][1]));
         let lever_m = arm.kinematics.forward(&middle).norm();
         Self { m_per_rad: Vector3::new(lever_m, lever_m, 1.0).component_div(&arm.transmission.ratio).abs() }
@@ -57,7 +57,7 @@ impl TipPath {
 
     /// Path [m] while the motors turn by `turned` [rad] without turning round.
     #[must_use]
-    pub fn m(&self, turned: &Vector3<f64>) -> f64 {
+    pub(super) fn m(&self, turned: &Vector3<f64>) -> f64 {
         self.m_per_rad.component_mul(turned).norm()
     }
 }

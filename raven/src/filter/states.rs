@@ -9,9 +9,10 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
+use super::persistence::TipPath;
 use super::tune::{Seen, likeliest_persistence, likeliest_wander};
 use super::wander::travel;
-use super::{Persistence, TipAt, TipPath, Wander};
+use super::{Persistence, TipAt, Wander};
 use crate::robot::{Arm, LinkModel, LinkState, MotorTrack};
 
 /// How far motors turned, to and fro all counted.

@@ -7,6 +7,7 @@ use nalgebra::{Const, Matrix1, Matrix2, Matrix4, SMatrix, SVector, Vector1, Vect
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::persistence::TipPath;
 use super::*;
 use crate::robot::{LinkModel, nominal};
 

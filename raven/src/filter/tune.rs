@@ -5,9 +5,10 @@
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
+use super::persistence::TipPath;
 use super::run::REFUSALS_MAX;
-use super::wander::travelled;
-use super::{Persistence, TipAt, TipPath, Wander};
+use super::wander::{gathered, travel};
+use super::{Persistence, TipAt, Wander};
 use crate::robot::{LinkModel, MotorTrack};
 
 /// Range of wander that is looked through [rad or m per sqrt(s), or per sqrt of travel]: from nothing a camera could see to a joint that
@@ -59,17 +60,9 @@ impl Seen {
         let kinematics = &model.arm().kinematics;
         let times: Vec<f64> = tips.iter().map(|tip| tip.time_s).collect();
         let states = model.rollout(driving, &times);
-        let travelled = travelled(&model.arm().transmission, motor);
+        let travelled = gathered(motor, |turned| travel(&model.arm().transmission, turned));
         let path = TipPath::of(model.arm());
-        let mut path_m = 0.0;
-        let steps = driving.angle.windows(2).map(|pair| path.m(&(pair[1] - pair[0])));
-        let paths_m: Vec<f64> = std::iter::once(0.0)
-            .chain(steps)
-            .map(|step_m| {
-                path_m += step_m;
-                path_m
-            })
-            .collect();
+        let paths_m = gathered(driving, |turned| path.m(turned));
         let known = tips.iter().zip(&states).filter_map(|(tip, state)| {
             let (state, k) = (state.as_ref()?, motor.interval(tip.time_s)?);
             Some(Sample {
@@ -267,7 +260,7 @@ mod tests {
                 }
             })
             .collect();
-        let travelled = *travelled(transmission, &motor).last().unwrap();
+        let travelled = *gathered(&motor, |turned| travel(transmission, turned)).last().unwrap();
         (Seen::new(&model, &motor, &motor, &tips, &Vector3::new(0.02, 0.02, 2e-3)).unwrap(), travelled)
     }
 

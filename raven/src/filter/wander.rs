@@ -5,6 +5,8 @@
 //! var(b_j) grows by  a_j^2 dt + c_j^2 ds_j,     s_j: path that cable j has travelled, at the joint
 //! ```
 
+use std::ops::AddAssign;
+
 use nalgebra::Vector3;
 
 use crate::robot::{MotorTrack, Transmission};
@@ -38,13 +40,15 @@ pub fn travel(transmission: &Transmission, turned: &Vector3<f64>) -> Vector3<f64
     turned.component_div(&transmission.ratio).abs()
 }
 
-/// [`travel`] from the start of a track to each of its samples.
-pub(super) fn travelled(transmission: &Transmission, motor: &MotorTrack) -> Vec<Vector3<f64>> {
-    let mut path = Vector3::zeros();
+/// What gathers from the start of a track to each of its samples, where motors that turn by so much [rad] add `of` it.
+pub(super) fn gathered<T: Copy + AddAssign>(motor: &MotorTrack, of: impl Fn(&Vector3<f64>) -> T) -> Vec<T> {
+    let mut sum = of(&Vector3::zeros());
     let mut last = motor.angle.first().copied();
     let step = |angle: &Vector3<f64>| {
-        path += last.replace(*angle).map_or_else(Vector3::zeros, |before| travel(transmission, &(angle - before)));
-        path
+        if let Some(before) = last.replace(*angle) {
+            sum += of(&(angle - before));
+        }
+        sum
     };
     motor.angle.iter().map(step).collect()
 }
