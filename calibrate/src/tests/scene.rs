@@ -31,13 +31,10 @@ impl Scene {
     /// The picture.
     pub fn render(&self, rng: &mut impl Rng) -> GrayImage {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
-        let sharp = self.sharp(width, height);
-        let blurred = blur(&sharp, width * RAYS, self.blur_px * RAYS as f64);
+        let grey = blurred(&self.sharp(width, height), width * RAYS, self.blur_px * RAYS as f64);
         let noise = Normal::new(0.0, self.noise).unwrap();
         GrayImage::from_fn(self.camera.width, self.camera.height, |x, y| {
-            let (x, y) = (x as usize * RAYS, y as usize * RAYS);
-            let rays = (0..RAYS * RAYS).map(|k| blurred[(y + k / RAYS) * width * RAYS + x + k % RAYS]);
-            let grey = rays.sum::<f64>() / (RAYS * RAYS) as f64 + noise.sample(rng);
+            let grey = grey[y as usize * width + x as usize] + noise.sample(rng);
             image::Luma([grey.round().clamp(0.0, 255.0) as u8])
         })
     }
@@ -80,24 +77,28 @@ impl Scene {
     }
 }
 
-/// Gaussian blur, rows then columns, with the image's edge repeated.
-fn blur(image: &[f64], width: usize, sigma: f64) -> Vec<f64> {
+/// Pixels of the rays after a Gaussian blur, with the image's edge repeated.
+fn blurred(rays: &[f64], width: usize, sigma: f64) -> Vec<f64> {
     let reach = (3.5 * sigma).ceil() as isize;
-    let weights: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
+    let gauss = |k: isize| (-0.5 * (k as f64 / sigma.max(1e-9)).powi(2)).exp();
+    // Blur and the mean over a pixel's rays in one; a blur ends at its reach.
+    let of_ray = |k: isize, ray: isize| if (k - ray).abs() <= reach { gauss(k - ray) } else { 0.0 };
+    let last = reach + RAYS as isize - 1;
+    let weights: Vec<f64> = (-reach..=last).map(|k| (0..RAYS as isize).map(|ray| of_ray(k, ray)).sum()).collect();
     let total: f64 = weights.iter().sum();
-    let height = image.len() / width;
-    let pass = |image: &[f64], dx: isize, dy: isize| -> Vec<f64> {
-        (0..image.len())
-            .map(|index| {
-                let (x, y) = ((index % width) as isize, (index / width) as isize);
-                let at = |k: isize| {
-                    let column = (x + k * dx).clamp(0, width as isize - 1) as usize;
-                    let row = (y + k * dy).clamp(0, height as isize - 1) as usize;
-                    image[row * width + column]
-                };
-                (-reach..=reach).zip(&weights).map(|(k, w)| w * at(k)).sum::<f64>() / total
-            })
+    // Lines of `apart` values side by side, `length` rays long.
+    let along = |image: &[f64], length: usize, apart: usize| -> Vec<f64> {
+        let line = length * apart;
+        let pixel = |start: usize, pixel: usize, beside: usize| {
+            let at = |k: isize| image[start + ((pixel * RAYS) as isize + k).clamp(0, length as isize - 1) as usize * apart + beside];
+            (-reach..=last).zip(&weights).map(|(k, w)| w * at(k)).sum::<f64>() / total
+        };
+        let lines = (0..image.len()).step_by(line);
+        lines
+            .flat_map(|start| (0..length / RAYS).flat_map(move |p| (0..apart).map(move |b| (start, p, b))))
+            .map(|(s, p, b)| pixel(s, p, b))
             .collect()
     };
-    pass(&pass(image, 1, 0), 0, 1)
+    let across = along(rays, width, 1);
+    along(&across, rays.len() / width, width / RAYS)
 }
