@@ -23,6 +23,7 @@ pub mod priors;
 pub mod problem;
 pub mod recording;
 pub mod recursive;
+pub mod registration;
 pub mod report;
 pub mod session;
 pub mod systematic;
@@ -104,7 +105,9 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
 
     if let Some(path) = &args.output {
         let method = identified::remarked(args.method.name(), report.misfit());
-        let new = identified::identified(&robot, &findings, problem.held(), &method, &recordings.sessions)?;
+        let mut new = identified::identified(&robot, &findings, problem.held(), &method, &recordings.sessions)?;
+        let pose = registration::left_unknown(&robot.arm()?, &unknowns, &systematic.flaws, &recordings.sessions, &estimate);
+        new.observation = pose.map_or(new.observation, |pose| new.observation.with_pose_covariance(&pose));
         write_robot(path, &new, out, "estimate it from another recording, or leave it out of --parameters")?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix3x6, Matrix6, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::filter::TipAt;
 use crate::log::{JointSeries, Recording, TipStatus};
-use crate::robot::{Arm, KinematicsKind, MotorTrack, Observation, Robot};
+use crate::robot::{Arm, KinematicsKind, MotorTrack, Observation, POSE_COVARIANCE, Robot};
 use crate::{Error, Result};
 
 impl Recording {
@@ -68,6 +68,33 @@ pub fn three_joints(series: &JointSeries, recording: &Recording) -> Result<Vec<V
         return Err(Error::file(&recording.path, message));
     };
     Ok((0..series.len()).map(|k| Vector3::new(first[k], second[k], third[k])).collect())
+}
+
+impl Observation {
+    /// Covariance of what is left unknown of rotation about the tip at the hard stop and translation [rad^2, rad m, m^2], where the file says.
+    #[must_use]
+    pub fn pose_covariance(&self) -> Option<Matrix6<f64>> {
+        let triangle = self.covariance?;
+        Some(Matrix6::from_fn(|i, j| triangle[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)]))
+    }
+
+    /// The same with such a covariance.
+    #[must_use]
+    pub fn with_pose_covariance(self, covariance: &Matrix6<f64>) -> Self {
+        let triangle = (0..6).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|at| covariance[at]);
+        let mut numbers = [0.0; POSE_COVARIANCE];
+        numbers.iter_mut().zip(triangle).for_each(|(number, of_triangle)| *number = of_triangle);
+        Self { covariance: Some(numbers), ..self }
+    }
+}
+
+/// How a small rotation about a pivot and a translation move a tip, `from_pivot_m` away from it: `[X 1]`, `X = -[from_pivot]x`.
+#[must_use]
+pub fn moved_by_pose(from_pivot_m: &Vector3<f64>) -> Matrix3x6<f64> {
+    let mut slope = Matrix3x6::zeros();
+    slope.fixed_view_mut::<3, 3>(0, 0).copy_from(&-from_pivot_m.cross_matrix());
+    slope.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
+    slope
 }
 
 /// Takes latency and registration error out of observed tips, and puts them into predicted ones:
@@ -151,7 +178,8 @@ mod tests {
     #[test]
     fn what_is_put_in_is_taken_out() {
         let arm = nominal::gold().arm().unwrap();
-        let observation = Observation { latency: 0.06, rotation: [0.02, -0.01, 0.03], translation: [1e-3, -2e-3, 3e-3] };
+        let [rotation, translation] = [[0.02, -0.01, 0.03], [1e-3, -2e-3, 3e-3]];
+        let observation = Observation { latency: 0.06, rotation, translation, covariance: None };
         let correction = TipCorrection::new(&arm, &observation);
         let tip = Vector3::new(-0.06, -0.02, 0.01);
         let covariance = Matrix3::from_diagonal(&Vector3::new(1e-8, 2e-6, 1e-8));

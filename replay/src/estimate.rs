@@ -48,7 +48,12 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
                 Some(tuning) => BiasStates::new(arm.clone(), tuning),
                 None => BiasStates::tuned(&arm, &motor, &tips),
             };
-            (run(&states, &arm.kinematics, &motor, &offered), Some(states.tuning))
+            let run = run(&states, &arm.kinematics, &motor, &offered);
+            let run = match robot.observation.pose_covariance() {
+                Some(pose) => run.with_registration(&arm, &pose),
+                None => run,
+            };
+            (run, Some(states.tuning))
         }
     };
     let estimates = Estimates {

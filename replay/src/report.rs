@@ -51,6 +51,8 @@ pub struct LogSummary {
     whiteness: Option<Whiteness>,
     /// How the cameras' errors persist, as far as the filter was told.
     persistence: Option<Persistence>,
+    /// What of the joints' deviations is the registration's, alike in all tips [rad, rad, m], where the robot file says how well that is known.
+    registration_std: Option<[f64; 3]>,
     nees_filter: Option<NormalisedSquares>,
     nees_smoother: Option<NormalisedSquares>,
 }
@@ -72,6 +74,7 @@ impl LogSummary {
             nis,
             whiteness: consistency::whiteness(filter),
             persistence: tuning.map(|tuning| tuning.persistence),
+            registration_std: filter.registration_std.map(Into::into),
             nees_filter: nees(&filter.filtered),
             nees_smoother: nees(&filter.smoothed),
         }
@@ -93,6 +96,15 @@ impl LogSummary {
             writeln!(
                 out,
                 "  Of the variance of what the cameras see, {percent:.0} % persists over some {path_mm:.1} mm of the tip's path."
+            )?;
+        }
+        if let Some([shoulder, elbow, insertion]) = self.registration_std {
+            writeln!(
+                out,
+                "  Of its deviations {:.3} deg, {:.3} deg and {:.3} mm are what is left unknown of the registration, alike in all tips.",
+                shoulder.to_degrees(),
+                elbow.to_degrees(),
+                1e3 * insertion
             )?;
         }
         for (who, nees) in [("The filter", self.nees_filter), ("The smoother", self.nees_smoother)] {

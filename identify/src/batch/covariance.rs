@@ -91,6 +91,18 @@ impl Curvature {
         raised + prior + &moved * moved.transpose()
     }
 
+    /// Correlation of the unknowns in `free` by the information alone: blocks are hardly more than unknowns, and scatter in far fewer directions than
+    /// would tell how these hang together.
+    #[must_use]
+    pub fn correlation(&self, free: &[usize], held: &[usize]) -> DMatrix<f64> {
+        let n = free.len();
+        let Some(posterior) = self.posterior(free) else { return DMatrix::identity(n, n) };
+        let inverse = posterior.inverse();
+        let moved = &inverse * self.information.select_rows(free).select_columns(held);
+        let covariance = inverse + &moved * moved.transpose();
+        DMatrix::from_fn(n, n, |k, l| covariance[(k, l)] / (covariance[(k, k)] * covariance[(l, l)]).sqrt())
+    }
+
     fn with_prior(&self, free: &[usize]) -> DMatrix<f64> {
         self.information.select_rows(free).select_columns(free) + DMatrix::identity(free.len(), free.len())
     }

@@ -15,7 +15,7 @@ fn cameras() -> Cameras {
 
 /// A robot that was calibrated before: a corrected registration, which turns about a tip that some effects move.
 fn calibrated() -> Robot {
-    let observation = Observation { latency: 0.02, rotation: [0.02, -0.01, 0.03], translation: [1e-3, -2e-3, 3e-3] };
+    let observation = Observation { latency: 0.02, rotation: [0.02, -0.01, 0.03], translation: [1e-3, -2e-3, 3e-3], covariance: None };
     let mut robot = nominal::gold();
     robot.observation = observation;
     robot

@@ -4,6 +4,7 @@ mod array;
 pub mod consistency;
 mod persistence;
 mod run;
+mod shared;
 mod smoother;
 mod srukf;
 mod states;

@@ -3,13 +3,14 @@
 use std::ops::AddAssign;
 
 use approx::assert_relative_eq;
-use nalgebra::{Const, Matrix1, Matrix2, Matrix4, SMatrix, SVector, Vector1, Vector2, Vector3, Vector4};
+use nalgebra::{Const, Matrix1, Matrix2, Matrix4, Matrix6, SMatrix, SVector, Vector1, Vector2, Vector3, Vector4, Vector6};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::persistence::TipPath;
 use super::*;
-use crate::robot::{LinkModel, nominal};
+use crate::observation::moved_by_pose;
+use crate::robot::{LinkModel, MotorTrack, nominal};
 
 /// Two coupled masses of which only the first position is seen; the noise enters all states together.
 fn two_masses() -> (Matrix4<f64>, Matrix4<f64>, SMatrix<f64, 1, 4>) {
@@ -256,4 +257,40 @@ fn claimed_deviations_hold_when_the_robot_is_as_believed() {
         let twelve = mean_nees(&BiasStates::new(arm.clone(), tuning), &kinematics, motor, runs);
         assert!((twelve - 12.0).abs() < band(12.0), "twelve states: {twelve:.2}");
     }
+}
+
+/// Robots that move as believed, seen by cameras whose registration is off by what it may be.
+#[test]
+fn claimed_deviations_hold_when_the_registration_is_off() {
+    const RUNS: u64 = 40;
+    let arm = nominal::gold().arm().unwrap();
+    let path = |t: f64| Vector3::new(0.7 + 0.3 * (1.1 * t).sin(), 1.5 + 0.2 * (0.9 * t).cos(), 0.33 + 0.03 * (0.7 * t).sin());
+    let time_s: Vec<f64> = (0..1600).map(|k| f64::from(k) * 5e-3).collect();
+    let motor = MotorTrack { angle: time_s.iter().map(|&t| arm.transmission.motor_from_joint(&path(t))).collect(), time_s };
+    let tuning =
+        Tuning { friction: Friction::Creeping, wander: Wander::over_time(Vector3::new(1e-5, 1e-5, 1e-6)), persistence: Persistence::NONE };
+    let states = BiasStates::new(arm.clone(), tuning);
+    let times: Vec<f64> = (1..118).map(|k| f64::from(k) / 15.0).collect();
+    let actual: Vec<_> = states.paper.model.rollout(&motor, &times).into_iter().map(|state| state.unwrap().position).collect();
+    let root = Matrix6::from_fn(|i, j| if j > i { 0.0 } else { [4e-4, 3e-4][i / 3] * (1.0 + 0.5 * (i as f64 - 2.0 * j as f64).sin()) });
+    let (pose, pivot_m) = (root * root.transpose(), arm.kinematics.forward(&arm.hard_stop));
+    let mut mean = [0.0; 2];
+    for seed in 0..RUNS {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let off = root * Vector6::from_fn(|_, _| normal());
+        let seen = times.iter().zip(&actual).map(|(&time_s, joints)| {
+            let tip_m = arm.kinematics.forward(joints);
+            let position = tip_m + moved_by_pose(&(tip_m - pivot_m)) * off + Vector3::from_fn(|_, _| 1e-4 * normal());
+            TipAt { time_s, position, covariance: nalgebra::Matrix3::identity() * 1e-8 }
+        });
+        let seen: Vec<TipAt> = seen.collect();
+        let found = run(&states, &arm.kinematics, &motor, &seen).with_registration(&arm, &pose);
+        for (track, mean) in [&found.filtered, &found.smoothed].into_iter().zip(&mut mean) {
+            let k = track.time_s.partition_point(|&t| t < times[100]);
+            let error = track.joints[k] - states.paper.model.rollout(&motor, &[track.time_s[k]])[0].unwrap().position;
+            *mean += track.factor[k].solve_lower_triangular(&error).unwrap().norm_squared() / RUNS as f64;
+        }
+    }
+    assert!(mean.iter().all(|mean| (mean - 3.0).abs() < 3.0 * (6.0 / RUNS as f64).sqrt()), "{mean:?}");
 }

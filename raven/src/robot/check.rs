@@ -1,5 +1,7 @@
 //! What no robot has: the numbers of its file held against hardware, each refused with what may be meant.
 
+use nalgebra::Matrix6;
+
 use super::{Coupling, Joint, JointType, KinematicsKind, Observation, Provenance, Robot};
 
 impl Robot {
@@ -106,8 +108,21 @@ impl Observation {
         for distance in self.translation {
             within("observation.translation", distance, [-10.0, 10.0], "m", "millimetres")?;
         }
-        Ok(())
+        match self.pose_covariance() {
+            Some(covariance) if !is_covariance(&covariance) => {
+                Err("observation.covariance is that of no pose; take it out, or identify the robot again.".to_owned())
+            }
+            _ => Ok(()),
+        }
     }
+}
+
+/// Whether this may be the covariance of something, however its digits were rounded.
+fn is_covariance(matrix: &Matrix6<f64>) -> bool {
+    const ROUNDING: f64 = 1e-6;
+    let std = matrix.diagonal().map(f64::sqrt);
+    let correlation = Matrix6::from_fn(|i, j| if i == j { 1.0 + ROUNDING } else { matrix[(i, j)] / (std[i] * std[j]) });
+    std.iter().all(|std| *std > 0.0 && std.is_finite()) && correlation.cholesky().is_some()
 }
 
 /// Keys part names by `.`, effects on command lines by `:`, `->` and `=`.

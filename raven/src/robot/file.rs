@@ -358,7 +358,13 @@ pub struct Observation {
     pub rotation: [f64; 3],
     /// [m], frame 0.
     pub translation: [f64; 3],
+    /// Covariance of what is left unknown of rotation and translation, 6x6 [rad^2, rad m, m^2]: its lower triangle, row by row. What cameras have
+    /// wrong in all images alike is in it as the pose that comes nearest to it. None where nobody found out.
+    pub covariance: Option<[f64; POSE_COVARIANCE]>,
 }
+
+/// Numbers of a pose's covariance.
+pub const POSE_COVARIANCE: usize = 21;
 
 /// Where a changed value came from.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

@@ -20,8 +20,8 @@ mod write;
 pub use cable::Cable;
 pub use dynamics::{Link, LinkDynamics};
 pub use file::{
-    Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, Provenance, Robot, Source, SourceFormat, Tolerances,
-    ViscousCoulomb,
+    Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, POSE_COVARIANCE, Provenance, Robot, Source, SourceFormat,
+    Tolerances, ViscousCoulomb,
 };
 pub use friction::DryFriction;
 pub use hysteresis::{Hysteresis, behind_hysteresis};

@@ -1,7 +1,7 @@
 //! The check values of the robot model, and properties that hold for every arm.
 
 use approx::assert_relative_eq;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use proptest::prelude::*;
 
 use super::*;
@@ -194,7 +194,10 @@ fn the_file_reads_back_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("robot.yaml");
     let mut robot = nominal();
-    robot.observation = Observation { latency: 0.0156, rotation: [1e-3, -2e-7, 0.0], translation: [0.001, 0.0, -0.002] };
+    let [rotation, translation] = [[1e-3, -2e-7, 0.0], [0.001, 0.0, -0.002]];
+    let spread = Matrix6::from_fn(|i, j| 1e-4 * (i as f64 - 0.7 * j as f64).sin());
+    robot.observation = Observation { latency: 0.0156, rotation, translation, covariance: None }
+        .with_pose_covariance(&(spread * spread.transpose() + Matrix6::identity() * 1e-9));
     robot.joints[0].motor_at_hard_stop = Some(0.0);
     robot.calibration.push(Provenance {
         parameter: "r_l1".to_owned(),
@@ -285,6 +288,21 @@ fn a_number_that_no_robot_has_is_named() {
     for key in ["latency: .nan", "rotation: [0.0, 57.0, 0.0]", "translation: [0.0, 0.0, .inf]"] {
         let field = format!("observation.{} is ", key.split(':').next().unwrap());
         refused("tolerances:", &format!("observation: {{{key}}}\ntolerances:"), &field);
+    }
+    for wrong in [".nan", "-1.0e-8", "0.0"] {
+        let covariance: Vec<&str> = (0..21)
+            .map(|k| {
+                if k == 9 {
+                    wrong
+                } else if [0, 2, 5, 14, 20].contains(&k) {
+                    "1.0e-8"
+                } else {
+                    "0.0"
+                }
+            })
+            .collect();
+        let observation = format!("observation: {{covariance: [{}]}}\ntolerances:", covariance.join(", "));
+        refused("tolerances:", &observation, "observation.covariance is that of no pose");
     }
     for (key, value, _) in nominal().tolerances.numbers() {
         for wrong in ["0.0", "-0.1", ".nan"] {

@@ -141,9 +141,15 @@ fn departure((key, value, usual): (&str, f64, f64)) -> String {
 }
 
 fn observation_yaml(observation: &Observation) -> String {
+    let covariance = observation.covariance.map_or_else(String::new, |of_pose| {
+        format!(
+            "\n  covariance: {}   # of rotation and translation, what cameras have wrong alike with them: lower triangle",
+            yaml::list(&of_pose)
+        )
+    });
     format!(
         "observation:            # the tip at stamp t is the robot's at t - latency, turned about the tip at the hard stop, and moved\n  \
-         latency: {}\n  rotation: {}\n  translation: {}",
+         latency: {}\n  rotation: {}\n  translation: {}{covariance}",
         yaml::float(observation.latency),
         yaml::list(&observation.rotation),
         yaml::list(&observation.translation)

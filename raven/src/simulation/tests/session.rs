@@ -162,7 +162,7 @@ fn a_turned_rig_turns_the_tip_about_the_hard_stop() {
 #[test]
 fn what_the_file_corrects_is_in_the_images() {
     let mut robot = nominal::gold();
-    robot.observation = Observation { latency: 0.03, rotation: [0.02, -0.01, 0.03], translation: [1e-3, -2e-3, 3e-3] };
+    robot.observation = Observation { latency: 0.03, rotation: [0.02, -0.01, 0.03], translation: [1e-3, -2e-3, 3e-3], covariance: None };
     let turn = [0.025, -0.01, 0.015];
     let cameras = Session::new(&robot, options(&[])).unwrap().cameras().cloned();
     let turned = Sited::at(&robot, "camera-rotation", None).unwrap().added_to(&robot, cameras.as_ref(), &turn).unwrap();
