@@ -78,7 +78,15 @@ impl Observation {
         Some(Matrix6::from_fn(|i, j| triangle[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)]))
     }
 
-    /// The same with such a covariance.
+    /// Covariance that all tips near one share [m^2, frame 0], which is `from_hard_stop_m` away from the tip at the hard stop; `None` where the file says
+    /// nothing of it.
+    #[must_use]
+    pub fn shared_covariance_m2(&self, from_hard_stop_m: &Vector3<f64>) -> Option<Matrix3<f64>> {
+        let by_pose = moved_by_pose(from_hard_stop_m);
+        Some(by_pose * self.pose_covariance()? * by_pose.transpose())
+    }
+
+    /// The same observation with such a covariance.
     #[must_use]
     pub fn with_pose_covariance(self, covariance: &Matrix6<f64>) -> Self {
         let triangle = (0..6).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|at| covariance[at]);

@@ -1,10 +1,12 @@
 //! The three estimates of a log's joints: transmission kinematics, camera, filter.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use raven::Result;
+use raven::camera::Cameras;
 use raven::filter::{BiasStates, FilterRun, JointTrack, PaperStates, TipAt, Tuning, run};
 use raven::log::Recording;
-use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
+use raven::robot::{Arm, LinkModel, MotorTrack, Observation, Robot};
+use raven_track::shared;
 
 use crate::errors::{Estimate, Estimates};
 use crate::{FilterKind, Occlusion};
@@ -49,11 +51,7 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
                 None => BiasStates::tuned(&arm, &motor, &tips),
             };
             let run = run(&states, &arm.kinematics, &motor, &offered);
-            let run = match robot.observation.pose_covariance() {
-                Some(pose) => run.with_registration(&arm, &pose),
-                None => run,
-            };
-            (run, Some(states.tuning))
+            (run.with_shared(&arm.kinematics, shared_covariance(recording, robot, &arm)), Some(states.tuning))
         }
     };
     let estimates = Estimates {
@@ -65,6 +63,18 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
         tuning,
     };
     Ok((estimates, filter))
+}
+
+/// What all tips near one share [m^2]: as identification left it, or, of a robot whose registration nobody has corrected, as calibration and registration
+/// of the cameras that tracked them did.
+fn shared_covariance(recording: &Recording, robot: &Robot, arm: &Arm) -> impl Fn(&Vector3<f64>) -> Option<Matrix3<f64>> {
+    let observation = robot.observation;
+    let hard_stop_m = arm.kinematics.forward(&arm.hard_stop);
+    let cameras = if observation == Observation::default() { Cameras::of_tracked(recording) } else { None };
+    move |tip_m| match &cameras {
+        Some(cameras) => shared::covariance(cameras, tip_m, &hard_stop_m),
+        None => observation.shared_covariance_m2(&(tip_m - hard_stop_m)),
+    }
 }
 
 /// The positions of a track.
@@ -116,8 +126,6 @@ fn stand_ins(arm: &Arm, motor: &MotorTrack, seen: &[TipAt], hidden: &[TipAt]) ->
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
 
     #[test]

@@ -51,8 +51,8 @@ pub struct LogSummary {
     whiteness: Option<Whiteness>,
     /// How the cameras' errors persist, as far as the filter was told.
     persistence: Option<Persistence>,
-    /// What of the joints' deviations is the registration's, alike in all tips [rad, rad, m], where the robot file says how well that is known.
-    registration_std: Option<[f64; 3]>,
+    /// What of the joints' deviations is alike in all tips [rad, rad, m], where it is known how well cameras and registration are.
+    shared_std: Option<[f64; 3]>,
     nees_filter: Option<NormalisedSquares>,
     nees_smoother: Option<NormalisedSquares>,
 }
@@ -74,7 +74,7 @@ impl LogSummary {
             nis,
             whiteness: consistency::whiteness(filter),
             persistence: tuning.map(|tuning| tuning.persistence),
-            registration_std: filter.registration_std.map(Into::into),
+            shared_std: filter.shared_std.map(Into::into),
             nees_filter: nees(&filter.filtered),
             nees_smoother: nees(&filter.smoothed),
         }
@@ -98,10 +98,10 @@ impl LogSummary {
                 "  Of the variance of what the cameras see, {percent:.0} % persists over some {path_mm:.1} mm of the tip's path."
             )?;
         }
-        if let Some([shoulder, elbow, insertion]) = self.registration_std {
+        if let Some([shoulder, elbow, insertion]) = self.shared_std {
             writeln!(
                 out,
-                "  Of its deviations {:.3} deg, {:.3} deg and {:.3} mm are what is left unknown of the registration, alike in all tips.",
+                "  Of its deviations {:.3} deg, {:.3} deg and {:.3} mm are what cameras and registration leave unknown, alike in all tips.",
                 shoulder.to_degrees(),
                 elbow.to_degrees(),
                 1e3 * insertion

@@ -43,8 +43,8 @@ pub struct FilterRun {
     pub in_pauses: usize,
     /// Pauses in the log after which the filter started anew.
     pub restarts: usize,
-    /// What of the filtered joints' deviations is the registration's, alike in all tips: rms [rad, rad, m]; see [`Self::with_registration`].
-    pub registration_std: Option<Vector3<f64>>,
+    /// What of the filtered joints' deviations is alike in all tips: rms [rad, rad, m]; see [`Self::with_shared`].
+    pub shared_std: Option<Vector3<f64>>,
 }
 
 /// Time between estimates [s]. The model is integrated through every motor sample in between; no motion here changes within it.

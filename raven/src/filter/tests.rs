@@ -285,7 +285,10 @@ fn claimed_deviations_hold_when_the_registration_is_off() {
             TipAt { time_s, position, covariance: nalgebra::Matrix3::identity() * 1e-8 }
         });
         let seen: Vec<TipAt> = seen.collect();
-        let found = run(&states, &arm.kinematics, &motor, &seen).with_registration(&arm, &pose);
+        let found = run(&states, &arm.kinematics, &motor, &seen).with_shared(&arm.kinematics, |tip_m| {
+            let by_pose = moved_by_pose(&(tip_m - pivot_m));
+            Some(by_pose * pose * by_pose.transpose())
+        });
         for (track, mean) in [&found.filtered, &found.smoothed].into_iter().zip(&mut mean) {
             let k = track.time_s.partition_point(|&t| t < times[100]);
             let error = track.joints[k] - states.paper.model.rollout(&motor, &[track.time_s[k]])[0].unwrap().position;
