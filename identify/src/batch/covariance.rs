@@ -11,7 +11,8 @@
 //! ```
 //!
 //! Few blocks may show too little noise by chance, so the sandwich over single residuals bounds it from below; one block shows none, and
-//! that sandwich is all there is.
+//! that sandwich is all there is. Blocks are hardly more than unknowns, and scatter in too few directions to tell how these hang together: correlations
+//! are those of `H^-1 + S S'`.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -73,34 +74,19 @@ impl Curvature {
         let n = free.len();
         let Some(posterior) = self.posterior(free) else { return DMatrix::identity(n, n) };
         let inverse = posterior.inverse();
-        let mut by_blocks = DMatrix::zeros(n, n);
-        for (information, score) in &self.blocks {
+        let singly = (&inverse * self.single.select_rows(free).select_columns(free) * &inverse).diagonal();
+        let mut by_blocks = DVector::zeros(n);
+        for (information, score) in self.blocks.iter().filter(|_| self.blocks.len() > 1) {
             let rest = self.with_prior(free) - information.select_rows(free).select_columns(free);
             let Some(shift) = rest.lu().solve(&score.select_rows(free)) else { continue };
-            by_blocks.ger(1.0, &shift, &shift, 1.0);
+            by_blocks += shift.component_mul(&shift);
         }
-        let singly = &inverse * self.single.select_rows(free).select_columns(free) * &inverse;
-        let prior = &inverse * &inverse;
         let moved = &inverse * self.information.select_rows(free).select_columns(held);
-        if self.blocks.len() < 2 {
-            return singly + prior + &moved * moved.transpose();
-        }
-        // Where blocks scatter less than single residuals, by chance, they are raised to these.
-        let raise = DVector::from_fn(n, |k, _| (singly[(k, k)] / by_blocks[(k, k)]).max(1.0).sqrt());
-        let raised = DMatrix::from_fn(n, n, |k, l| raise[k] * raise[l] * by_blocks[(k, l)]);
-        raised + prior + &moved * moved.transpose()
-    }
-
-    /// Correlation of the unknowns in `free` by the information alone: blocks are hardly more than unknowns, and scatter in far fewer directions than
-    /// would tell how these hang together.
-    #[must_use]
-    pub fn correlation(&self, free: &[usize], held: &[usize]) -> DMatrix<f64> {
-        let n = free.len();
-        let Some(posterior) = self.posterior(free) else { return DMatrix::identity(n, n) };
-        let inverse = posterior.inverse();
-        let moved = &inverse * self.information.select_rows(free).select_columns(held);
-        let covariance = inverse + &moved * moved.transpose();
-        DMatrix::from_fn(n, n, |k, l| covariance[(k, l)] / (covariance[(k, k)] * covariance[(l, l)]).sqrt())
+        let of_held = &moved * moved.transpose();
+        let std = (singly.zip_map(&by_blocks, f64::max) + (&inverse * &inverse).diagonal() + of_held.diagonal()).map(f64::sqrt);
+        let by_information = inverse + of_held;
+        let correlation = |k: usize, l: usize| by_information[(k, l)] / (by_information[(k, k)] * by_information[(l, l)]).sqrt();
+        DMatrix::from_fn(n, n, |k, l| std[k] * std[l] * if k == l { 1.0 } else { correlation(k, l) })
     }
 
     fn with_prior(&self, free: &[usize]) -> DMatrix<f64> {

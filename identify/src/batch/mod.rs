@@ -65,7 +65,7 @@ pub struct Estimate {
     pub z: DVector<f64>,
     /// Standard deviations; of a held unknown what the log left of its prior's.
     pub std: Vec<f64>,
-    /// Their covariance, correlated as the information says; held unknowns count as unrelated to the others.
+    /// Their covariance; held unknowns count as unrelated to the others.
     pub covariance: DMatrix<f64>,
     /// Whether the log determined it.
     pub identified: Vec<bool>,
@@ -110,9 +110,8 @@ pub fn estimate(problem: &impl Residuals, may_hold: &[bool], start: &DVector<f64
         let Some(worst) = worst else {
             let identified = (0..n).map(|k| !held.contains(&k) && std[k] <= IDENTIFIED_BELOW).collect();
             let mut covariance = DMatrix::from_diagonal(&DVector::from_iterator(n, std.iter().map(|std| std * std)));
-            let correlation = curvature.correlation(&free, &held);
             for (i, &k) in free.iter().enumerate() {
-                free.iter().enumerate().for_each(|(j, &l)| covariance[(k, l)] = std[k] * std[l] * correlation[(i, j)]);
+                free.iter().enumerate().for_each(|(j, &l)| covariance[(k, l)] = among_free[(i, j)]);
             }
             return Ok(Estimate { z, std, covariance, identified, residuals: minimum.residuals, scale: minimum.loss.scale, tempering });
         };
