@@ -82,8 +82,13 @@ impl Observation {
     /// nothing of it.
     #[must_use]
     pub fn shared_covariance_m2(&self, from_hard_stop_m: &Vector3<f64>) -> Option<Matrix3<f64>> {
-        let by_pose = moved_by_pose(from_hard_stop_m);
-        Some(by_pose * self.pose_covariance()? * by_pose.transpose())
+        self.pose_covariance().map(|pose| covariance_by_pose_m2(&pose, from_hard_stop_m))
+    }
+
+    /// Whether the registration was looked into, as against the latency alone.
+    #[must_use]
+    pub fn corrects_registration(&self) -> bool {
+        Self { latency: 0.0, ..*self } != Self::default()
     }
 
     /// The same observation with such a covariance.
@@ -103,6 +108,13 @@ pub fn moved_by_pose(from_pivot_m: &Vector3<f64>) -> Matrix3x6<f64> {
     slope.fixed_view_mut::<3, 3>(0, 0).copy_from(&-from_pivot_m.cross_matrix());
     slope.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
     slope
+}
+
+/// Covariance [m^2] that a tip `from_pivot_m` away from a pivot has of a rotation about that and a translation of such a covariance [rad^2, rad m, m^2].
+#[must_use]
+pub fn covariance_by_pose_m2(pose: &Matrix6<f64>, from_pivot_m: &Vector3<f64>) -> Matrix3<f64> {
+    let by_pose = moved_by_pose(from_pivot_m);
+    by_pose * pose * by_pose.transpose()
 }
 
 /// Takes latency and registration error out of observed tips, and puts them into predicted ones:

@@ -5,7 +5,7 @@ use raven::Result;
 use raven::camera::Cameras;
 use raven::filter::{BiasStates, FilterRun, JointTrack, PaperStates, TipAt, Tuning, run};
 use raven::log::Recording;
-use raven::robot::{Arm, LinkModel, MotorTrack, Observation, Robot};
+use raven::robot::{Arm, LinkModel, MotorTrack, Robot};
 use raven_track::shared;
 
 use crate::errors::{Estimate, Estimates};
@@ -70,7 +70,7 @@ pub fn estimate(recording: &Recording, robot: &Robot, settings: &Settings) -> Re
 fn shared_covariance(recording: &Recording, robot: &Robot, arm: &Arm) -> impl Fn(&Vector3<f64>) -> Option<Matrix3<f64>> {
     let observation = robot.observation;
     let hard_stop_m = arm.kinematics.forward(&arm.hard_stop);
-    let cameras = if observation == Observation::default() { Cameras::of_tracked(recording) } else { None };
+    let cameras = if observation.corrects_registration() { None } else { Cameras::of_tracked(recording) };
     move |tip_m| match &cameras {
         Some(cameras) => shared::covariance(cameras, tip_m, &hard_stop_m),
         None => observation.shared_covariance_m2(&(tip_m - hard_stop_m)),

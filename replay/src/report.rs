@@ -51,7 +51,7 @@ pub struct LogSummary {
     whiteness: Option<Whiteness>,
     /// How the cameras' errors persist, as far as the filter was told.
     persistence: Option<Persistence>,
-    /// What of the joints' deviations is alike in all tips [rad, rad, m], where it is known how well cameras and registration are.
+    /// What of the joints' deviations is alike in all tips [rad, rad, m], where cameras or registration say how well they are known.
     shared_std: Option<[f64; 3]>,
     nees_filter: Option<NormalisedSquares>,
     nees_smoother: Option<NormalisedSquares>,

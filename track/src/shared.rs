@@ -14,15 +14,15 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use raven::camera::Cameras;
 use raven::log::{TipObservation, TipStatus};
-use raven::observation::moved_by_pose;
+use raven::observation::covariance_by_pose_m2;
 
 /// Covariance that observations near `tip_m` share [m^2, frame 0]; `None` without registration or where the cameras do not see the tip.
 #[must_use]
 pub fn covariance(cameras: &Cameras, tip_m: &Vector3<f64>, hard_stop_m: &Vector3<f64>) -> Option<Matrix3<f64>> {
     let quality = &cameras.quality;
     let stds = [quality.registration_rotation_std_rad, quality.registration_translation_std_m].map(Option::unwrap_or_default);
-    let by_pose = moved_by_pose(&(tip_m - hard_stop_m));
-    let pose = by_pose * Matrix6::from_diagonal(&Vector6::from_row_slice(&stds.concat()).map(|std: f64| std * std)) * by_pose.transpose();
+    let variances = Vector6::from_row_slice(&stds.concat()).map(|std: f64| std * std);
+    let pose = covariance_by_pose_m2(&Matrix6::from_diagonal(&variances), &(tip_m - hard_stop_m));
     let moved = cameras.moved_by(&cameras.systematic(), tip_m)?;
     Some(pose + moved.iter().map(|moved| moved * moved.transpose()).sum::<Matrix3<f64>>())
 }

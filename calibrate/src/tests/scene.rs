@@ -88,16 +88,13 @@ fn blurred(rays: &[f64], width: usize, sigma: f64) -> Vec<f64> {
     let total: f64 = weights.iter().sum();
     // Lines of `apart` values side by side, `length` rays long.
     let along = |image: &[f64], length: usize, apart: usize| -> Vec<f64> {
-        let line = length * apart;
-        let pixel = |start: usize, pixel: usize, beside: usize| {
+        let pixels = length / RAYS;
+        let pixel = |index: usize| {
+            let (beside, pixel, start) = (index % apart, index / apart % pixels, index / (apart * pixels) * length * apart);
             let at = |k: isize| image[start + ((pixel * RAYS) as isize + k).clamp(0, length as isize - 1) as usize * apart + beside];
             (-reach..=last).zip(&weights).map(|(k, w)| w * at(k)).sum::<f64>() / total
         };
-        let lines = (0..image.len()).step_by(line);
-        lines
-            .flat_map(|start| (0..length / RAYS).flat_map(move |p| (0..apart).map(move |b| (start, p, b))))
-            .map(|(s, p, b)| pixel(s, p, b))
-            .collect()
+        (0..image.len() / RAYS).map(pixel).collect()
     };
     let across = along(rays, width, 1);
     along(&across, rays.len() / width, width / RAYS)

@@ -76,7 +76,7 @@ impl Curvature {
         let inverse = posterior.inverse();
         let singly = (&inverse * self.single.select_rows(free).select_columns(free) * &inverse).diagonal();
         let mut by_blocks = DVector::zeros(n);
-        for (information, score) in self.blocks.iter().filter(|_| self.blocks.len() > 1) {
+        for (information, score) in &self.blocks {
             let rest = self.with_prior(free) - information.select_rows(free).select_columns(free);
             let Some(shift) = rest.lu().solve(&score.select_rows(free)) else { continue };
             by_blocks += shift.component_mul(&shift);
@@ -86,7 +86,7 @@ impl Curvature {
         let std = (singly.zip_map(&by_blocks, f64::max) + (&inverse * &inverse).diagonal() + of_held.diagonal()).map(f64::sqrt);
         let by_information = inverse + of_held;
         let correlation = |k: usize, l: usize| by_information[(k, l)] / (by_information[(k, k)] * by_information[(l, l)]).sqrt();
-        DMatrix::from_fn(n, n, |k, l| std[k] * std[l] * if k == l { 1.0 } else { correlation(k, l) })
+        DMatrix::from_fn(n, n, |k, l| std[k] * std[l] * correlation(k, l))
     }
 
     fn with_prior(&self, free: &[usize]) -> DMatrix<f64> {

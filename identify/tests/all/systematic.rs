@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use raven::camera::{Cameras, Pinhole, Quality, SYSTEMATIC};
-use raven::observation::moved_by_pose;
+use raven::observation::{covariance_by_pose_m2, moved_by_pose};
 use raven::robot::Robot;
 use raven_identify::batch::Estimate;
 use raven_identify::problem::{Flaw, Problem};
@@ -86,7 +86,7 @@ fn tips_off(
         let by_pose = moved_by_pose(&(sighting.position_m - pivot_m));
         let by_flaws: Vector3<f64> = systematic.flaws.iter().zip(off).map(|(flaw, &off)| flaw[i] * off).sum();
         let error = by_pose * registration_off + by_flaws;
-        error.dot(&(by_pose * pose * by_pose.transpose()).cholesky().unwrap().solve(&error))
+        error.dot(&covariance_by_pose_m2(&pose, &(sighting.position_m - pivot_m)).cholesky().unwrap().solve(&error))
     });
     squares.sum::<f64>() / sessions[0].sightings.len() as f64
 }

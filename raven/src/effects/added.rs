@@ -2,7 +2,7 @@
 
 use super::{Home, Model, Sited};
 use crate::camera::Cameras;
-use crate::robot::{Observation, Robot};
+use crate::robot::Robot;
 use crate::{Error, Result};
 
 impl Sited {
@@ -57,8 +57,7 @@ impl Sited {
         }
         // The correction turns about the tip at the hard stop, which a new hard stop, tool or link angle moves.
         let arm = new.arm()?;
-        let corrected = Observation { latency: 0.0, ..robot.observation } != Observation::default();
-        if rig_moved || corrected {
+        if rig_moved || robot.observation.corrects_registration() {
             new.observation = view.observation(&arm.kinematics.forward(&arm.hard_stop));
         }
         new.observation.latency = view.latency_s;

@@ -80,12 +80,7 @@ impl View {
         let corrected = turn * (tip_at_hard_stop_m - pivot) + pivot + Vector3::from(self.correction.translation);
         let translation = moved.inverse_transform_point(&Point3::from(corrected)).coords - tip_at_hard_stop_m;
         let rotation = (moved.rotation.inverse() * turn).scaled_axis();
-        Observation {
-            latency: self.latency_s,
-            rotation: rotation.into(),
-            translation: translation.into(),
-            covariance: self.correction.covariance,
-        }
+        Observation { latency: self.latency_s, rotation: rotation.into(), translation: translation.into(), ..self.correction }
     }
 
     /// A camera to see through, ready for many sightings.
