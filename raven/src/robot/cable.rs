@@ -99,8 +99,7 @@ impl Pull {
     }
 }
 
-/// Up to here three terms of the series are exact to the last digit. A cable whose exponent is in metres never leaves it, and rollouts
-/// spend a tenth of their time here.
+/// Up to here three terms of the series are exact to the last digit. A cable whose exponent is in metres never leaves it.
 const SERIES: f64 = 1e-3;
 
 fn sinh(x: f64) -> f64 {

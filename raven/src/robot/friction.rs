@@ -98,7 +98,7 @@ impl Friction {
 
     /// Friction that does not hold [N m, N m, N] at joint velocities.
     pub(super) fn moving(&self, rate: &Vector3<f64>, tension_n: &Vector3<f64>) -> Vector3<f64> {
-        self.creeping(tension_n).component_mul(&way(rate, &self.per_stiction_speed)) + self.viscous.component_mul(rate)
+        self.creeping(tension_n).component_mul(&self.way(rate)) + self.viscous.component_mul(rate)
     }
 
     /// Coulomb friction that gives way at rest [N m, N m, N].
@@ -114,6 +114,21 @@ impl Friction {
     /// Whether what holds goes by the cables' tension.
     pub(super) fn holds_by_tension(&self) -> bool {
         self.holding.grows()
+    }
+
+    /// Which way Coulomb friction acts at joint velocities, as [`Arm::rubbing`].
+    pub(super) fn way(&self, rate: &Vector3<f64>) -> Vector3<f64> {
+        way(rate, &self.per_stiction_speed)
+    }
+
+    /// Whether any of it goes by the cables' tension.
+    pub(super) fn goes_by_tension(&self) -> bool {
+        self.creeping.grows() || self.holding.grows()
+    }
+
+    /// Friction by speed [N m s/rad, N m s/rad, N s/m].
+    pub(super) fn viscous(&self) -> Vector3<f64> {
+        self.viscous
     }
 
     /// Friction by speed at rest [N m s/rad, N m s/rad, N s/m], under such tension differences of the cables [N].

@@ -76,10 +76,57 @@ impl RigidBody {
     }
 }
 
-/// Rigid-body terms that steps share: they change by parts in ten thousand meanwhile, and they take most of the time.
+/// The state equation where cables pull in proportion to their stretch and friction does not go by tension: accelerations are linear but for
+/// dry friction.
+///
+/// A step takes as long as its longest chain of products, which is a third as long where products of matrices are worked out beforehand.
+#[derive(Clone, Copy)]
+struct Proportional {
+    /// By how much position and velocity slow the joints down.
+    by_position: Matrix3<f64>,
+    by_rate: Matrix3<f64>,
+    /// By how much cable that is wound drives them.
+    by_cable: Matrix3<f64>,
+    by_cable_rate: Matrix3<f64>,
+    /// Without any of these.
+    free: Vector3<f64>,
+    inverse_mass: Matrix3<f64>,
+    /// Dry friction that gives way at rest, and that holds [N m, N m, N].
+    creeping: Vector3<f64>,
+    holding: Vector3<f64>,
+}
+
+impl Proportional {
+    #[inline(always)]
+    fn acceleration(&self, links: &LinkModel, driven: &Vector3<f64>, state: &LinkState) -> Vector3<f64> {
+        let creeping = self.creeping.component_mul(&links.friction.way(&state.rate));
+        let dry = match &state.anchor {
+            Some(anchor) => creeping + links.grip.friction(anchor, &state.position, &state.rate, &self.holding),
+            None => creeping,
+        };
+        driven - (self.by_position * state.position + self.by_rate * state.rate) - self.inverse_mass * dry
+    }
+
+    fn step(&self, links: &LinkModel, state: &LinkState, wound: &Wound, step_s: f64) -> LinkState {
+        let driven = self.free + self.by_cable * wound.cable_m + self.by_cable_rate * wound.rate_m_s;
+        let gained = self.by_cable * wound.rate_m_s;
+        let reached = runge_kutta(state, step_s, |s, t| self.acceleration(links, &(driven + gained * t), s));
+        let anchor = state.anchor.map(|anchor| links.grip.slid(&anchor, &reached.position, &self.holding));
+        LinkState { anchor, ..reached }
+    }
+}
+
+/// What steps share: rigid-body terms change by parts in ten thousand meanwhile, and they take most of the time.
+#[derive(Clone, Copy)]
+struct Equation {
+    body: RigidBody,
+    proportional: Option<Proportional>,
+}
+
+/// The equation that steps share.
 #[derive(Clone, Copy)]
 pub(super) struct Shared {
-    body: Option<RigidBody>,
+    equation: Option<Equation>,
     /// Time that they are shared over, and what is left of it [s].
     over_s: f64,
     left_s: f64,
@@ -88,7 +135,7 @@ pub(super) struct Shared {
 impl Shared {
     /// By steps within so much time [s], or within four milliseconds.
     pub(super) fn over(time_s: f64) -> Self {
-        Self { body: None, over_s: time_s.min(RIGID_S), left_s: 0.0 }
+        Self { equation: None, over_s: time_s.min(RIGID_S), left_s: 0.0 }
     }
 }
 
@@ -184,23 +231,39 @@ impl LinkModel {
     }
 
     fn step_with(&self, body: &RigidBody, state: &LinkState, wound: &Wound, step_s: f64) -> LinkState {
-        let half = 0.5 * step_s;
-        let slope = |s: &LinkState, t: f64| (s.rate, body.acceleration(&self.force(s, &wound.after(t))));
-        let ahead = |(v, a): &(Vector3<f64>, Vector3<f64>), h: f64| LinkState {
-            position: state.position + v * h,
-            rate: state.rate + a * h,
-            ..*state
-        };
-        let k1 = slope(state, 0.0);
-        let k2 = slope(&ahead(&k1, half), half);
-        let k3 = slope(&ahead(&k2, half), half);
-        let k4 = slope(&ahead(&k3, step_s), step_s);
-        let reached = LinkState {
-            position: state.position + (k1.0 + 2.0 * (k2.0 + k3.0) + k4.0) * (step_s / 6.0),
-            rate: state.rate + (k1.1 + 2.0 * (k2.1 + k3.1) + k4.1) * (step_s / 6.0),
-            anchor: state.anchor,
-        };
+        let reached = runge_kutta(state, step_s, |s, t| body.acceleration(&self.force(s, &wound.after(t))));
         LinkState { anchor: self.slid(&reached, &wound.after(step_s)), ..reached }
+    }
+
+    /// What steps from a state on share for a time.
+    fn equation(&self, state: &LinkState, wound: &Wound, over_s: f64) -> Equation {
+        let body = self.rigid_body_ahead(state, 0.5 * over_s);
+        Equation { body, proportional: self.proportional(&body, state, wound) }
+    }
+
+    fn proportional(&self, body: &RigidBody, state: &LinkState, wound: &Wound) -> Option<Proportional> {
+        let levers_m = &self.arm.transmission.levers_m;
+        let cables = &self.arm.cables;
+        let stretch_m = wound.cable_m - levers_m * state.position;
+        let is_proportional = |j: usize| cables[j].slack == 0.0 && stretch_m[j].abs() < PROPORTIONAL * cables[j].exponent_length;
+        if self.friction.goes_by_tension() || !(0..3).all(is_proportional) {
+            return None;
+        }
+        let pulled = body.inverse_mass * levers_m.transpose();
+        let by_cable = pulled * Matrix3::from_diagonal(&Vector3::from_fn(|j, _| 2.0 * cables[j].stiffness));
+        let by_cable_rate = pulled * Matrix3::from_diagonal(&Vector3::from_fn(|j, _| 2.0 * cables[j].damping));
+        let viscous = Matrix3::from_diagonal(&self.friction.viscous());
+        let [creeping, holding] = [Friction::creeping, Friction::holding].map(|part| part(&self.friction, &Vector3::zeros()));
+        Some(Proportional {
+            by_position: by_cable * levers_m,
+            by_rate: by_cable_rate * levers_m + body.inverse_mass * viscous,
+            by_cable,
+            by_cable_rate,
+            free: -(body.inverse_mass * body.bias),
+            inverse_mass: body.inverse_mass,
+            creeping,
+            holding,
+        })
     }
 
     /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within four milliseconds share
@@ -232,16 +295,15 @@ impl LinkModel {
             return;
         }
         let wound = Wound::by(&self.arm.transmission, motor, motor_rate);
-        let before = *shared;
         for finer in FINER {
             let steps = (finer * coarse).min(most);
-            *shared = before;
             pass(0.0, state);
             let reached = self.in_steps(state, &wound, duration_s, steps, shared, &mut pass);
             pass(duration_s, &reached);
             if reached.is_finite() || steps == most {
                 break;
             }
+            shared.left_s = 0.0;
         }
     }
 
@@ -258,20 +320,23 @@ impl LinkModel {
         let step_s = duration_s / steps;
         for i in 0..steps as usize {
             let at_s = i as f64 * step_s;
-            let body = match shared.body {
-                // To the nearest step, however times round.
-                Some(body) if shared.left_s > 0.5 * step_s => body,
-                _ => {
+            let wound = wound.after(at_s);
+            // To the nearest step, however times round.
+            let equation = match &mut shared.equation {
+                Some(equation) if shared.left_s > 0.5 * step_s => equation,
+                equation => {
                     if i > 0 {
                         pass(at_s, &state);
                     }
                     shared.left_s = shared.over_s;
-                    self.rigid_body_ahead(&state, 0.5 * shared.over_s)
+                    equation.insert(self.equation(&state, &wound, shared.over_s))
                 }
             };
-            shared.body = Some(body);
             shared.left_s -= step_s;
-            state = self.step_with(&body, &state, &wound.after(at_s), step_s);
+            state = match &equation.proportional {
+                Some(proportional) => proportional.step(self, &state, &wound, step_s),
+                None => self.step_with(&equation.body, &state, &wound, step_s),
+            };
         }
         state
     }
@@ -326,6 +391,26 @@ impl LinkModel {
     }
 }
 
+/// One step of order four by accelerations at states and times [s] since the start.
+fn runge_kutta(state: &LinkState, step_s: f64, acceleration: impl Fn(&LinkState, f64) -> Vector3<f64>) -> LinkState {
+    let half = 0.5 * step_s;
+    let slope = |s: &LinkState, t: f64| (s.rate, acceleration(s, t));
+    let ahead =
+        |(v, a): &(Vector3<f64>, Vector3<f64>), h: f64| LinkState { position: state.position + v * h, rate: state.rate + a * h, ..*state };
+    let k1 = slope(state, 0.0);
+    let k2 = slope(&ahead(&k1, half), half);
+    let k3 = slope(&ahead(&k2, half), half);
+    let k4 = slope(&ahead(&k3, step_s), step_s);
+    LinkState {
+        position: state.position + (k1.0 + 2.0 * (k2.0 + k3.0) + k4.0) * (step_s / 6.0),
+        rate: state.rate + (k1.1 + 2.0 * (k2.1 + k3.1) + k4.1) * (step_s / 6.0),
+        ..*state
+    }
+}
+
+/// Exponent of a cable's law up to which its force is taken to be proportional to its stretch: within two parts in ten million.
+const PROPORTIONAL: f64 = 1e-3;
+
 /// Product of pole and step up to which order-four Runge-Kutta is accurate; it is stable up to 2.78.
 const RUNGE_KUTTA_REACH: f64 = 2.2;
 
@@ -361,4 +446,58 @@ fn fastest_pole(arm: &Arm, grip: &Grip, friction: &Friction, middle: &Vector3<f6
             if rate * rate > 4.0 * square { 0.5 * (rate + (rate * rate - 4.0 * square).sqrt()) } else { square.sqrt() }
         })
         .fold(1.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::nominal;
+
+    /// A motion with all that acts on the joints, after as many steps as advance takes; and whether products were worked out for it.
+    fn with_and_without_products(arm: Arm) -> ([LinkState; 2], bool) {
+        let motor = arm.transmission.motor_from_joint(&Vector3::new(0.8, 1.5, 0.35));
+        let motor_rate = Vector3::new(30.0, -25.0, 20.0);
+        let links = LinkModel::new(arm);
+        let settled = links.settled(&motor, &Vector3::zeros());
+        let anchor = settled - Vector3::new(1e-6, 2e-6, -1e-6);
+        let start = LinkState { anchor: Some(anchor), ..LinkState::new(settled, Vector3::new(2e-3, -0.1, 0.02)) };
+        let wound = Wound::by(&links.arm.transmission, &motor, &motor_rate);
+        let duration_s = 2e-3;
+        let steps = (duration_s / links.step_max_s()).ceil();
+        let step_s = duration_s / steps;
+        let body = links.rigid_body_ahead(&start, 0.5 * duration_s);
+        let plain = (0..steps as usize).fold(start, |state, i| links.step_with(&body, &state, &wound.after(i as f64 * step_s), step_s));
+        let advanced = links.advance(start, &motor, &motor_rate, duration_s);
+        ([advanced, plain], links.proportional(&body, &start, &wound).is_some())
+    }
+
+    #[test]
+    fn products_of_matrices_worked_out_change_nothing() {
+        let mut arm = nominal::gold().arm().unwrap();
+        arm.link_friction.iter_mut().for_each(|friction| friction.held_part = 0.6);
+        let ([advanced, plain], proportional) = with_and_without_products(arm);
+        assert!(proportional);
+        for j in 0..3 {
+            approx::assert_relative_eq!(advanced.position[j], plain.position[j], max_relative = 1e-10);
+            approx::assert_relative_eq!(advanced.rate[j], plain.rate[j], max_relative = 1e-6);
+            approx::assert_relative_eq!(advanced.anchor.unwrap()[j], plain.anchor.unwrap()[j], max_relative = 1e-10);
+        }
+    }
+
+    #[test]
+    fn what_is_not_proportional_goes_the_long_way() {
+        let changes: [fn(&mut Arm); 4] = [
+            |arm| arm.cables[1].slack = 1e-4,
+            |arm| arm.cables[2].exponent_length = 1e-4,
+            |arm| arm.link_friction[0].per_load = 0.1,
+            |arm| (arm.link_friction[1].per_load, arm.link_friction[1].held_part) = (0.1, 1.0),
+        ];
+        for change in changes {
+            let mut arm = nominal::gold().arm().unwrap();
+            change(&mut arm);
+            let ([advanced, plain], proportional) = with_and_without_products(arm);
+            assert!(!proportional);
+            assert_eq!(advanced, plain);
+        }
+    }
 }
