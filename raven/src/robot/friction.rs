@@ -126,11 +126,6 @@ impl Friction {
         self.creeping.grows() || self.holding.grows()
     }
 
-    /// Friction by speed [N m s/rad, N m s/rad, N s/m].
-    pub(super) fn viscous(&self) -> Vector3<f64> {
-        self.viscous
-    }
-
     /// Friction by speed at rest [N m s/rad, N m s/rad, N s/m], under such tension differences of the cables [N].
     pub(super) fn by_speed_at_rest(&self, tension_n: &Vector3<f64>) -> Vector3<f64> {
         self.creeping(tension_n).component_mul(&self.per_stiction_speed) + self.viscous

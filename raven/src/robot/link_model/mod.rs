@@ -7,8 +7,11 @@
 //! The motor angle is measured, so it is an input; the state is `[q, qd]`, 6x1 [rad, rad, m, rad/s, rad/s, m/s]. Friction that holds
 //! (`held_part`) is in the motor angle as [play](super::stiction), or [grips](super::grip) the joints if the state says where.
 
+mod proportional;
+
 use nalgebra::{Matrix3, Vector3};
 
+use self::proportional::Proportional;
 use super::cable::Pull;
 use super::friction::Friction;
 use super::grip::Grip;
@@ -76,55 +79,14 @@ impl RigidBody {
     }
 }
 
-/// The state equation where cables pull in proportion to their stretch and friction does not go by tension: accelerations are linear but for
-/// dry friction.
-///
-/// A step takes as long as its longest chain of products, which is a third as long where products of matrices are worked out beforehand.
-#[derive(Clone, Copy)]
-struct Proportional {
-    /// By how much position and velocity slow the joints down.
-    by_position: Matrix3<f64>,
-    by_rate: Matrix3<f64>,
-    /// By how much cable that is wound drives them.
-    by_cable: Matrix3<f64>,
-    by_cable_rate: Matrix3<f64>,
-    /// Without any of these.
-    free: Vector3<f64>,
-    inverse_mass: Matrix3<f64>,
-    /// Dry friction that gives way at rest, and that holds [N m, N m, N].
-    creeping: Vector3<f64>,
-    holding: Vector3<f64>,
+/// The state equation as steps share it: rigid-body terms change by parts in ten thousand meanwhile, and they take most of the time.
+#[expect(clippy::large_enum_variant, reason = "a rollout has one, and boxed it would be allocated anew every few milliseconds of motion")]
+enum Equation {
+    Proportional(Proportional),
+    General(RigidBody),
 }
 
-impl Proportional {
-    #[inline(always)]
-    fn acceleration(&self, links: &LinkModel, driven: &Vector3<f64>, state: &LinkState) -> Vector3<f64> {
-        let creeping = self.creeping.component_mul(&links.friction.way(&state.rate));
-        let dry = match &state.anchor {
-            Some(anchor) => creeping + links.grip.friction(anchor, &state.position, &state.rate, &self.holding),
-            None => creeping,
-        };
-        driven - (self.by_position * state.position + self.by_rate * state.rate) - self.inverse_mass * dry
-    }
-
-    fn step(&self, links: &LinkModel, state: &LinkState, wound: &Wound, step_s: f64) -> LinkState {
-        let driven = self.free + self.by_cable * wound.cable_m + self.by_cable_rate * wound.rate_m_s;
-        let gained = self.by_cable * wound.rate_m_s;
-        let reached = runge_kutta(state, step_s, |s, t| self.acceleration(links, &(driven + gained * t), s));
-        let anchor = state.anchor.map(|anchor| links.grip.slid(&anchor, &reached.position, &self.holding));
-        LinkState { anchor, ..reached }
-    }
-}
-
-/// What steps share: rigid-body terms change by parts in ten thousand meanwhile, and they take most of the time.
-#[derive(Clone, Copy)]
-struct Equation {
-    body: RigidBody,
-    proportional: Option<Proportional>,
-}
-
-/// The equation that steps share.
-#[derive(Clone, Copy)]
+/// What steps share.
 pub(super) struct Shared {
     equation: Option<Equation>,
     /// Time that they are shared over, and what is left of it [s].
@@ -183,7 +145,7 @@ impl LinkModel {
     /// Joint forces of cables and friction [N m, N m, N].
     fn force(&self, state: &LinkState, wound: &Wound) -> Vector3<f64> {
         let levers_m = &self.arm.transmission.levers_m;
-        let (stretch, stretch_rate) = (wound.cable_m - levers_m * state.position, wound.rate_m_s - levers_m * state.rate);
+        let (stretch, stretch_rate) = (self.stretch_m(state, wound), wound.rate_m_s - levers_m * state.rate);
         let tension = Vector3::from_fn(|j, _| self.pulls[j].n(stretch[j], stretch_rate[j]));
         let free = levers_m.tr_mul(&tension) - self.friction(&state.rate, &tension);
         match &state.anchor {
@@ -192,11 +154,15 @@ impl LinkModel {
         }
     }
 
+    fn stretch_m(&self, state: &LinkState, wound: &Wound) -> Vector3<f64> {
+        wound.cable_m - self.arm.transmission.levers_m * state.position
+    }
+
     /// Where joints are held that have come to a state.
     fn slid(&self, state: &LinkState, wound: &Wound) -> Option<Vector3<f64>> {
         let anchor = state.anchor?;
         let pulled = || {
-            let stretch = wound.cable_m - self.arm.transmission.levers_m * state.position;
+            let stretch = self.stretch_m(state, wound);
             Vector3::from_fn(|j, _| self.pulls[j].n(stretch[j], 0.0))
         };
         let tension = if self.friction.holds_by_tension() { pulled() } else { Vector3::zeros() };
@@ -238,32 +204,7 @@ impl LinkModel {
     /// What steps from a state on share for a time.
     fn equation(&self, state: &LinkState, wound: &Wound, over_s: f64) -> Equation {
         let body = self.rigid_body_ahead(state, 0.5 * over_s);
-        Equation { body, proportional: self.proportional(&body, state, wound) }
-    }
-
-    fn proportional(&self, body: &RigidBody, state: &LinkState, wound: &Wound) -> Option<Proportional> {
-        let levers_m = &self.arm.transmission.levers_m;
-        let cables = &self.arm.cables;
-        let stretch_m = wound.cable_m - levers_m * state.position;
-        let is_proportional = |j: usize| cables[j].slack == 0.0 && stretch_m[j].abs() < PROPORTIONAL * cables[j].exponent_length;
-        if self.friction.goes_by_tension() || !(0..3).all(is_proportional) {
-            return None;
-        }
-        let pulled = body.inverse_mass * levers_m.transpose();
-        let by_cable = pulled * Matrix3::from_diagonal(&Vector3::from_fn(|j, _| 2.0 * cables[j].stiffness));
-        let by_cable_rate = pulled * Matrix3::from_diagonal(&Vector3::from_fn(|j, _| 2.0 * cables[j].damping));
-        let viscous = Matrix3::from_diagonal(&self.friction.viscous());
-        let [creeping, holding] = [Friction::creeping, Friction::holding].map(|part| part(&self.friction, &Vector3::zeros()));
-        Some(Proportional {
-            by_position: by_cable * levers_m,
-            by_rate: by_cable_rate * levers_m + body.inverse_mass * viscous,
-            by_cable,
-            by_cable_rate,
-            free: -(body.inverse_mass * body.bias),
-            inverse_mass: body.inverse_mass,
-            creeping,
-            holding,
-        })
+        if self.is_proportional(state, wound) { Equation::Proportional(Proportional::new(self, &body)) } else { Equation::General(body) }
     }
 
     /// State after `duration_s`, in as many steps as stability asks for, the motors moving steadily. Steps within four milliseconds share
@@ -333,9 +274,9 @@ impl LinkModel {
                 }
             };
             shared.left_s -= step_s;
-            state = match &equation.proportional {
-                Some(proportional) => proportional.step(self, &state, &wound, step_s),
-                None => self.step_with(&equation.body, &state, &wound, step_s),
+            state = match equation {
+                Equation::Proportional(proportional) => proportional.step(self, &state, &wound, step_s),
+                Equation::General(body) => self.step_with(body, &state, &wound, step_s),
             };
         }
         state
@@ -408,9 +349,6 @@ fn runge_kutta(state: &LinkState, step_s: f64, acceleration: impl Fn(&LinkState,
     }
 }
 
-/// Exponent of a cable's law up to which its force is taken to be proportional to its stretch: within two parts in ten million.
-const PROPORTIONAL: f64 = 1e-3;
-
 /// Product of pole and step up to which order-four Runge-Kutta is accurate; it is stable up to 2.78.
 const RUNGE_KUTTA_REACH: f64 = 2.2;
 
@@ -446,58 +384,4 @@ fn fastest_pole(arm: &Arm, grip: &Grip, friction: &Friction, middle: &Vector3<f6
             if rate * rate > 4.0 * square { 0.5 * (rate + (rate * rate - 4.0 * square).sqrt()) } else { square.sqrt() }
         })
         .fold(1.0, f64::max)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::robot::nominal;
-
-    /// A motion with all that acts on the joints, after as many steps as advance takes; and whether products were worked out for it.
-    fn with_and_without_products(arm: Arm) -> ([LinkState; 2], bool) {
-        let motor = arm.transmission.motor_from_joint(&Vector3::new(0.8, 1.5, 0.35));
-        let motor_rate = Vector3::new(30.0, -25.0, 20.0);
-        let links = LinkModel::new(arm);
-        let settled = links.settled(&motor, &Vector3::zeros());
-        let anchor = settled - Vector3::new(1e-6, 2e-6, -1e-6);
-        let start = LinkState { anchor: Some(anchor), ..LinkState::new(settled, Vector3::new(2e-3, -0.1, 0.02)) };
-        let wound = Wound::by(&links.arm.transmission, &motor, &motor_rate);
-        let duration_s = 2e-3;
-        let steps = (duration_s / links.step_max_s()).ceil();
-        let step_s = duration_s / steps;
-        let body = links.rigid_body_ahead(&start, 0.5 * duration_s);
-        let plain = (0..steps as usize).fold(start, |state, i| links.step_with(&body, &state, &wound.after(i as f64 * step_s), step_s));
-        let advanced = links.advance(start, &motor, &motor_rate, duration_s);
-        ([advanced, plain], links.proportional(&body, &start, &wound).is_some())
-    }
-
-    #[test]
-    fn products_of_matrices_worked_out_change_nothing() {
-        let mut arm = nominal::gold().arm().unwrap();
-        arm.link_friction.iter_mut().for_each(|friction| friction.held_part = 0.6);
-        let ([advanced, plain], proportional) = with_and_without_products(arm);
-        assert!(proportional);
-        for j in 0..3 {
-            approx::assert_relative_eq!(advanced.position[j], plain.position[j], max_relative = 1e-10);
-            approx::assert_relative_eq!(advanced.rate[j], plain.rate[j], max_relative = 1e-6);
-            approx::assert_relative_eq!(advanced.anchor.unwrap()[j], plain.anchor.unwrap()[j], max_relative = 1e-10);
-        }
-    }
-
-    #[test]
-    fn what_is_not_proportional_goes_the_long_way() {
-        let changes: [fn(&mut Arm); 4] = [
-            |arm| arm.cables[1].slack = 1e-4,
-            |arm| arm.cables[2].exponent_length = 1e-4,
-            |arm| arm.link_friction[0].per_load = 0.1,
-            |arm| (arm.link_friction[1].per_load, arm.link_friction[1].held_part) = (0.1, 1.0),
-        ];
-        for change in changes {
-            let mut arm = nominal::gold().arm().unwrap();
-            change(&mut arm);
-            let ([advanced, plain], proportional) = with_and_without_products(arm);
-            assert!(!proportional);
-            assert_eq!(advanced, plain);
-        }
-    }
 }
