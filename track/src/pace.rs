@@ -38,6 +38,15 @@ const LEAST_WANDER: f64 = 1e-3;
 const GATE_SIGMAS: f64 = 5.0;
 /// More such stamps than this part, and the camera has no pace.
 const MOST_LATE: f64 = 0.1;
+/// So many frames to either side of one tell whether the camera has its pace there.
+const ABOUT: usize = 10;
+/// It has not where more of them than this are late: three come at once after a delay of three intervals, but every other one where a
+/// camera that saw too little light went on at two thirds of its rate.
+const MOST_LATE_ABOUT: usize = 5;
+/// Part of the distance between a stamp and its frame by which the next ones are expected elsewhere, and the most that counts of it
+/// [interval].
+const FOLLOWED: f64 = 0.2;
+const FOLLOWED_MAX: f64 = 0.25;
 
 /// The pace behind increasing stamps [s]; the stamps as they are, where there are too few or no pace shows.
 #[must_use]
@@ -93,18 +102,17 @@ fn smooth(stamps_s: &[f64], median_interval_s: f64, noise: Noise) -> Smoothed {
     // Forwards: the phase and its variance before and after each stamp.
     let start = median(&phase[..FEWEST]).unwrap_or(0.0);
     let (mut mean, mut variance) = (start, noise.scatter);
-    let (mut before, mut after, mut late) = (Vec::new(), Vec::new(), 0);
+    let (mut before, mut after, mut is_late) = (Vec::new(), Vec::new(), Vec::new());
     for (k, &seen) in phase.iter().enumerate() {
         let steps = if k == 0 { 0.0 } else { number[k] - number[k - 1] };
         variance += noise.wander * steps;
         before.push((mean, variance));
         let miss = seen - mean;
-        if miss * miss <= GATE_SIGMAS * GATE_SIGMAS * (variance + noise.scatter) {
+        is_late.push(miss * miss > GATE_SIGMAS * GATE_SIGMAS * (variance + noise.scatter));
+        if is_late.last() == Some(&false) {
             let gain = variance / (variance + noise.scatter);
             mean += gain * miss;
             variance *= 1.0 - gain;
-        } else {
-            late += 1;
         }
         after.push((mean, variance));
     }
@@ -115,20 +123,41 @@ fn smooth(stamps_s: &[f64], median_interval_s: f64, noise: Noise) -> Smoothed {
         smoothed[k] =
             (after[k].0 + gain * (smoothed[k + 1].0 - before[k + 1].0), after[k].1 + gain * gain * (smoothed[k + 1].1 - before[k + 1].1));
     }
-    let time_s = smoothed.iter().zip(&number).map(|((phase, _), n)| stamps_s[0] + n * interval_s + phase).collect();
-    Smoothed { time_s, variance: smoothed.iter().map(|s| s.1).sum::<f64>() / phase.len() as f64, late }
+    let late_about = |k: usize| is_late[k.saturating_sub(ABOUT)..is_late.len().min(k + ABOUT + 1)].iter().filter(|late| **late).count();
+    let of_frame = |k: usize| {
+        // Where the camera has lost its pace its stamps are all there is.
+        if late_about(k) > MOST_LATE_ABOUT {
+            return (stamps_s[k], noise.scatter);
+        }
+        (stamps_s[0] + number[k] * interval_s + smoothed[k].0, smoothed[k].1)
+    };
+    let (time_s, variances): (Vec<f64>, Vec<f64>) = (0..phase.len()).map(of_frame).unzip();
+    let variance = variances.iter().sum::<f64>() / phase.len() as f64;
+    Smoothed { time_s, variance, late: is_late.iter().filter(|late| **late).count() }
 }
 
-/// Numbers of the frames, missing ones counted.
-fn numbers(stamps_s: &[f64], interval_s: f64) -> Vec<f64> {
-    let mut number = 0.0;
-    let steps = stamps_s.windows(2).map(|w| ((w[1] - w[0]) / interval_s).round().max(1.0));
-    std::iter::once(0.0)
-        .chain(steps.map(|step| {
-            number += step;
-            number
-        }))
-        .collect()
+/// Numbers of the frames, missing ones counted, by where the frames before have each expected. A stamp may be late by any number of intervals:
+/// its frame is then the one before that of the next stamp.
+fn numbers(stamps_s: &[f64], median_interval_s: f64) -> Vec<f64> {
+    // The median of single steps is a multiple of the clock's resolution.
+    let far: Vec<f64> = stamps_s.windows(FAR + 1).map(|w| w[FAR] - w[0]).collect();
+    let far_s = median(&far).unwrap_or(median_interval_s);
+    let interval_s = far_s / (far_s / median_interval_s).round().max(1.0);
+    // Where in the interval stamps lie, of the first ones: on a circle, as any of them may be late.
+    let turns = stamps_s[..FEWEST.min(stamps_s.len())].iter().map(|t| std::f64::consts::TAU * ((t - stamps_s[0]) / interval_s).fract());
+    let (sine, cosine) = turns.fold((0.0, 0.0), |(sine, cosine), turn| (sine + turn.sin(), cosine + turn.cos()));
+    let mut expected_s = stamps_s[0] + interval_s * f64::atan2(sine, cosine) / std::f64::consts::TAU;
+    let nearest = |t: &f64| {
+        let number = ((t - expected_s) / interval_s).round();
+        let off_s = t - expected_s - number * interval_s;
+        expected_s += FOLLOWED * off_s.clamp(-FOLLOWED_MAX * interval_s, FOLLOWED_MAX * interval_s);
+        number
+    };
+    let mut number: Vec<f64> = stamps_s.iter().map(nearest).collect();
+    for k in (1..number.len()).rev() {
+        number[k - 1] = number[k - 1].min(number[k] - 1.0);
+    }
+    number
 }
 
 /// Interval by a line through the stamps; late ones hardly move it, for it is fitted again without them.
@@ -222,6 +251,43 @@ mod tests {
         let found = pace(&stamps);
         assert!((found.time_s[200] - truth[200]).abs() < 0.2e-3, "{}", found.time_s[200] - truth[200]);
         assert!(found.time_s.windows(2).all(|w| w[1] > w[0]));
+    }
+
+    #[test]
+    fn stamps_that_are_late_by_intervals_move_no_other_frame() {
+        for late_frames in [0.5, 0.9, 1.5, 2.5, 3.0] {
+            for at in [3, 45, 300, 550, 590] {
+                let (truth, mut stamps) = camera(0.3e-3, 0.0, 5);
+                let until = stamps[at] + late_frames / 15.0;
+                // What was held up is delivered in a burst.
+                let mut delivered = until;
+                for stamp in stamps.iter_mut().skip(at).take_while(|stamp| **stamp < until) {
+                    *stamp = delivered;
+                    delivered += 1e-3;
+                }
+                stamps.sort_by(f64::total_cmp);
+                let found = pace(&stamps);
+                let worst = found.time_s.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(worst < 1e-3, "late by {late_frames} frames from {at} on: {worst}");
+            }
+        }
+    }
+
+    #[test]
+    fn frames_at_another_rate_keep_their_stamps() {
+        let mut random = ChaCha8Rng::seed_from_u64(6);
+        for slow in [0..100, 850..950, 1700..1800] {
+            let (mut truth, mut at) = (Vec::new(), 0.0);
+            for n in 0..1800 {
+                at += if slow.contains(&n) { 1.0 / 20.0 } else { 1.0 / 30.0 };
+                truth.push(at);
+            }
+            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+            let stamps: Vec<f64> = truth.iter().map(|t| t + 0.3e-3 * normal()).collect();
+            let found = pace(&stamps);
+            let worst = found.time_s.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 2e-3, "slow in {slow:?}: {worst}");
+        }
     }
 
     #[test]
