@@ -220,6 +220,13 @@ fn track(args: &Track, appearance: &Appearance, out: &mut dyn Write) -> Result<O
     let report = Report { seconds, pairs_per_second: report.pairs as f64 / seconds.max(1e-9), ..report };
     cli::results(out, &report.to_string(), args.json.as_deref(), &report)?;
     report.unusable.iter().for_each(|sentence| cli::warn(sentence));
+    if 2 * report.seen < report.pairs {
+        cli::warn(&format!(
+            "the marker was seen in {} of {} pairs only. Its colour may be that of something in the background, or not that of the options: look at the \
+             pictures of --html, and try another --hue, --min-saturation or --min-value.",
+            report.seen, report.pairs
+        ));
+    }
     Ok(if report.has_lost_data() { Outcome::DataLost } else { Outcome::Done })
 }
 
