@@ -78,7 +78,8 @@ pub(super) struct Pull {
 impl Pull {
     pub(super) fn new(cable: &Cable) -> Self {
         Self {
-            half_slack_m: 0.5 * cable.slack,
+            // A fit may try less than none, as of a pulley whose radius it takes below zero.
+            half_slack_m: 0.5 * cable.slack.max(0.0),
             scale_n: 2.0 * cable.stiffness * cable.exponent_length,
             per_length: cable.exponent_length.recip(),
             damping: 2.0 * cable.damping,
@@ -115,6 +116,12 @@ fn asinh(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn less_slack_than_none_is_none() {
+        let [none, less] = [0.0, -1e-3].map(|slack| Pull::new(&Cable { slack, ..Cable::new(7.2e5, 1.0) }).n(1e-5, 1e-3));
+        assert_eq!(none, less);
+    }
 
     #[test]
     fn the_slope_is_that_of_the_force() {
