@@ -19,7 +19,7 @@ pub struct Residuals {
     pub rigid_error: Vec<f64>,
     /// Standard deviation of the measurement's noise [rad or m].
     pub noise: Vec<f64>,
-    /// Velocity of the joint by the model [rad/s or m/s].
+    /// Velocity of the joint by its motor [rad/s or m/s]; 0 for the tip.
     pub rate: Vec<f64>,
 }
 
@@ -72,10 +72,11 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
     channels.joints = vec![Residuals::default(); 3];
     for (tip, state) in tips.iter().zip(&states) {
         let Some(state) = state else { continue };
-        let Some((angle, _)) = motor.at(tip.time_s) else { continue };
-        let rigid = arm.transmission.joint_from_motor(&angle);
+        let Some(moved) = motor.steady(tip.time_s) else { continue };
+        let rigid = arm.transmission.joint_from_motor(&moved.angle);
+        let rate = arm.transmission.joint_rate_from_motor(&moved.rate);
         let away = |joint: &Vector3<f64>| (tip.position - arm.kinematics.forward(joint)).norm();
-        channels.tip.push(tip.time_s, [away(&state.position), away(&rigid)], tip.covariance.trace().sqrt(), state.rate.norm());
+        channels.tip.push(tip.time_s, [away(&state.position), away(&rigid)], tip.covariance.trace().sqrt(), 0.0);
         let seen = arm.kinematics.inverse(&tip.position, arm.kinematics.branch(&state.position));
         let slope = seen.and_then(|joint| arm.kinematics.jacobian(&joint).try_inverse());
         let Some((joint, slope)) = seen.zip(slope) else {
@@ -85,7 +86,7 @@ fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Chann
         let covariance = slope * tip.covariance * slope.transpose();
         for (j, residuals) in channels.joints.iter_mut().enumerate() {
             let errors = [joint[j] - state.position[j], joint[j] - rigid[j]];
-            residuals.push(tip.time_s, errors, covariance[(j, j)].sqrt(), state.rate[j]);
+            residuals.push(tip.time_s, errors, covariance[(j, j)].sqrt(), rate[j]);
         }
     }
     Ok(channels)

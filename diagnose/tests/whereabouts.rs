@@ -31,10 +31,30 @@ fn nothing_stands_out_in_what_the_cameras_see_of_the_exact_model() {
         for key in ["stage", "joint", "phase", "share_of_excess", "share_of_time", "p"] {
             assert!(place.get(key).is_some(), "{key} of {place}");
         }
+        // That plant's friction holds as a set, which shows in its motors.
         assert!(place["stage"] == "motor" || place["p"].as_f64().unwrap() > 0.05, "{place}");
     }
     assert!(!report["where_in_words"].as_array().unwrap().is_empty());
     assert!(html.contains("<svg") && html.contains("Where it lies") && !html.contains("NaN"));
+}
+
+#[test]
+fn no_part_of_an_exact_motion_stands_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let [robot, cameras] = ["robot.yaml", "cameras.yaml"].map(|name| folder.path().join(name));
+    std::fs::write(&robot, nominal::GOLD_YAML).unwrap();
+    for seed in [203, 205, 208] {
+        let log = folder.path().join(format!("exact-{seed}.mcap"));
+        let session = Session::new(&nominal::gold(), Options { seed, ..Options::default() }).unwrap();
+        session.record(Motion::Fls(0), 60.0, &log, |_| {}).unwrap();
+        session.cameras().unwrap().write(&cameras).unwrap();
+        let (report, _) = report(&log, &robot, &cameras, &["--gap-only"]);
+        assert_eq!(
+            report["where_in_words"],
+            serde_json::json!(["No part of the motion stands out (family-wise level 0.05)."]),
+            "seed {seed}"
+        );
+    }
 }
 
 #[test]

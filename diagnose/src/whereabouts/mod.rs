@@ -31,8 +31,10 @@ use permutation::{Chance, NOWHERE, SAMPLES_MIN, Scores, family_wise};
 
 /// Chance that anything is named where the error is spread evenly.
 pub const LEVEL: f64 = 0.05;
-/// A part stands out if its excess per time is at least this many times that of the rest.
+/// A part stands out if its excess per time is at least this many times that of the rest,
 const MARKED: f64 = 2.0;
+/// and its error this many times the noise floor: that of torques is an estimate from the residuals themselves.
+const ABOVE_FLOOR: f64 = 1.2;
 /// Blocks are this many integrated autocorrelation times long.
 const BLOCK_TIMES: f64 = 3.0;
 /// Largest order of the autoregression that prewhitens, in time and for the spectrum: a higher one would take a line out of the latter.
@@ -84,7 +86,7 @@ impl Place {
     #[must_use]
     pub fn stands_out(&self) -> bool {
         let (excess, time) = (self.share_of_excess, self.share_of_time);
-        self.p <= LEVEL && excess * (1.0 - time) >= MARKED * time * (1.0 - excess)
+        self.p <= LEVEL && excess * (1.0 - time) >= MARKED * time * (1.0 - excess) && self.rms >= ABOVE_FLOOR * self.noise_floor
     }
 
     /// Whether it is a phase of a joint's residual over the whole recording.

@@ -1,4 +1,4 @@
-//! Channels of drives, and the models behind them: an arm's, whose links follow rigidly, and a bench's, with the load that was measured.
+//! Channels of drives, and the models behind them: an arm's, with what its cables pull, and a bench's, with the load that was measured.
 
 use nalgebra::Vector3;
 use raven::Result;
@@ -15,16 +15,30 @@ use crate::evidence::recorded::torques::CREEP_RAD_S;
 /// What samples may depend on.
 type Factors = Vec<(Kind, Vec<f64>)>;
 
-/// Drives of an arm.
-pub(super) struct OfArm<'a>(pub &'a TorqueModel);
+/// Drives of an arm. Whatever the motors do, its cables pull by as much more than those of links that follow rigidly as they do where the motors
+/// move as recorded.
+pub(super) struct OfArm<'a> {
+    model: &'a TorqueModel,
+    /// Of each sample [N].
+    beyond_rigid_n: Vec<Vector3<f64>>,
+}
+
+impl<'a> OfArm<'a> {
+    /// With the cables' tension differences [N] at the samples as recorded, as far as they are known.
+    pub(super) fn new(model: &'a TorqueModel, shafts: &[Shaft], tensions_n: &[Option<Vector3<f64>>]) -> Self {
+        let beyond = |(shaft, tension): (&Shaft, &Option<Vector3<f64>>)| tension.map_or_else(Vector3::zeros, |n| n - model.rigid_n(shaft));
+        Self { model, beyond_rigid_n: shafts.iter().zip(tensions_n).map(beyond).collect() }
+    }
+}
 
 impl Drives for OfArm<'_> {
     fn delivered(&self, _: usize, shaft: &Shaft) -> Vector3<f64> {
-        self.0.delivered(&shaft.commanded)
+        self.model.delivered(&shaft.commanded)
     }
 
-    fn needed(&self, _: usize, shaft: &Shaft) -> Vector3<f64> {
-        self.0.needed(shaft, &self.0.rigid_n(shaft))
+    fn needed(&self, sample: usize, shaft: &Shaft) -> Vector3<f64> {
+        let beyond_n = self.beyond_rigid_n.get(sample).copied().unwrap_or_default();
+        self.model.needed(shaft, &(self.model.rigid_n(shaft) + beyond_n))
     }
 
     fn creep(&self) -> Vector3<f64> {
@@ -70,22 +84,34 @@ impl Drives for OfBench<'_> {
     }
 }
 
-/// Adds a recording's motor motion, horizon by horizon.
-pub(super) fn motion_tracks(motions: &mut [Channel], drives: &dyn Drives, shafts: &[Shaft], factors: &dyn Fn(usize, &[Shaft]) -> Factors) {
+/// Adds a recording's motor motion, horizon by horizon; of torques that err by `noise` [N m or N], at worst all the time.
+pub(super) fn motion_tracks(
+    motions: &mut [Channel],
+    drives: &dyn Drives,
+    shafts: &[Shaft],
+    noise: &dyn Fn(usize) -> f64,
+    factors: &dyn Fn(usize, &[Shaft]) -> Factors,
+) {
     let horizons: Vec<f64> = HORIZONS_S.into_iter().flatten().collect();
     for (k, &horizon_s) in horizons.iter().enumerate() {
         let missed = missed(drives, shafts, horizon_s);
-        let ends: Vec<Shaft> = missed.iter().map(|(end, _)| shafts[*end]).collect();
+        let ends: Vec<Shaft> = missed.iter().map(|missed| shafts[missed.last]).collect();
         for (j, channel) in motions.iter_mut().skip(k).step_by(horizons.len()).enumerate() {
             channel.tracks.push(Track {
                 time_s: ends.iter().map(|shaft| shaft.time_s).collect(),
-                error: missed.iter().map(|(_, away)| away[j]).collect(),
-                // Nothing in a log says how noisy its motors' torque is.
-                noise: vec![0.0; ends.len()],
+                error: missed.iter().map(|missed| missed.away[j]).collect(),
+                noise: missed.iter().map(|missed| missed.by_method[j].hypot(missed.per_torque[j] * noise(j))).collect(),
                 factors: factors(j, &ends),
             });
         }
     }
+}
+
+/// Noise of each joint's torque in the recording that was added last; zero where none of its samples counts.
+pub(super) fn last_noise(torques: &[Channel]) -> impl Fn(usize) -> f64 + use<> {
+    let of = |channel: &Channel| channel.tracks.last().and_then(|track| track.noise.first().copied()).unwrap_or(0.0);
+    let noise: Vec<f64> = torques.iter().map(of).collect();
+    move |j| noise[j]
 }
 
 /// Torque or force and motion of a bench's drives, where torque was recorded.
@@ -120,7 +146,7 @@ pub(super) fn bench_drives(robot: &Robot, recordings: &[Recording], torques: &mu
             });
         }
         let drives = OfBench { model: &model, driven: &recorded.driven, creep: bench.creep(), count: robot.joints.len() };
-        motion_tracks(motions, &drives, &shafts, &factors);
+        motion_tracks(motions, &drives, &shafts, &last_noise(torques), &factors);
     }
     Ok(())
 }

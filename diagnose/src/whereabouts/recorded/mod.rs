@@ -21,7 +21,7 @@ use super::{Channel, HORIZONS_S, Kind, Track};
 use crate::evidence::recorded::data::Data;
 use crate::phase::{Phase, phases};
 use crate::residual::{self, Residuals};
-use drive::{OfArm, bench_drives, motion_tracks};
+use drive::{OfArm, bench_drives, last_noise, motion_tracks};
 use tip::{ninth_at, ninths, pixels_known, tip_channels, tip_tracks};
 use torque::torque_track;
 
@@ -80,6 +80,7 @@ pub fn recorded(
             let (model, data) = (Model::new(robot, cameras)?, Data::new(recording, cameras)?);
             let model_of_torque = TorqueModel::new(&model)?;
             let (_, tensions) = TipModel::new(&model, &data.motors)?.rolled_out(&[], &data.shafts);
+            let drives = OfArm::new(&model_of_torque, &data.shafts, &tensions);
             let shafts: Vec<_> = data.shafts.iter().zip(tensions).filter_map(|(shaft, tension)| Some((*shaft, tension?))).collect();
             for (j, channel) in torques.iter_mut().enumerate() {
                 channel.tracks.push(torque_track(arm, &robot.joints[j], j, &model_of_torque, &shafts));
@@ -90,7 +91,7 @@ pub fn recorded(
                 let (time_s, rate): (Vec<f64>, Vec<f64>) = ends.iter().map(|s| (s.time_s, moved(s, j))).unzip();
                 joint_factors(arm, &robot.joints[j], j, &motors, &time_s, &rate)
             };
-            motion_tracks(&mut motions, &OfArm(&model_of_torque), &data.shafts, &factors);
+            motion_tracks(&mut motions, &drives, &data.shafts, &last_noise(&torques), &factors);
             let tracks = tip_tracks(&model, arm, &data, recording, seen_in_pixels, &ninths)?;
             tips.iter_mut().zip(tracks).for_each(|(channel, track)| channel.tracks.push(track));
         }

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! `n` is what the model needs at no acceleration; its part that turns with the direction `s` of motion is friction, and takes speed away
-//! at each step but never turns it (Moreau 1988). The links follow rigidly. The error of a torque is integrated twice on the way: the
+//! at each step but never turns it (Moreau 1988). Cables pull as they do in the motion as recorded. The error of a torque is integrated twice on the way: the
 //! longer the horizon, the less it says of where an error arose, and the more of what a simulation will be off by.
 
 use nalgebra::{Matrix3, Vector3};
@@ -38,17 +38,65 @@ pub(super) trait Drives: Sync {
     fn count(&self) -> usize;
 }
 
-/// Recorded less simulated motor angles after `horizon_s`, with the last sample before its end.
-pub(super) fn missed(drives: &dyn Drives, shafts: &[Shaft], horizon_s: f64) -> Vec<(usize, Vector3<f64>)> {
+/// Where motors come to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Missed {
+    /// The last sample before the horizon's end.
+    pub last: usize,
+    /// Recorded less simulated angles there.
+    pub away: Vector3<f64>,
+    /// The same of drives that deliver what the motion as recorded needs: what samples and steps do, whatever the model.
+    pub by_method: Vector3<f64>,
+    /// By a torque of one that is lacking all the time.
+    pub per_torque: Vector3<f64>,
+}
+
+/// Where motors come to after `horizon_s` from starts all over a recording.
+pub(super) fn missed(drives: &dyn Drives, shafts: &[Shaft], horizon_s: f64) -> Vec<Missed> {
+    let needed = shafts.iter().enumerate().map(|(k, shaft)| drives.needed(k, shaft)).collect();
+    let faithful = Faithful { drives, needed };
     let mut starts: Vec<usize> = Vec::new();
     for (k, shaft) in shafts.iter().enumerate() {
         if starts.last().is_none_or(|&last| shaft.time_s - shafts[last].time_s >= 0.999 * horizon_s / STARTS) {
             starts.push(k);
         }
     }
-    starts.par_iter().filter_map(|&start| after(drives, shafts, start, horizon_s)).collect()
+    let from = |&start: &usize| {
+        let (last, away) = after(drives, shafts, start, horizon_s)?;
+        let (_, by_method) = after(&faithful, shafts, start, horizon_s)?;
+        let lighter = inertia(drives, last, &shafts[last]).try_inverse()?;
+        Some(Missed { last, away, by_method, per_torque: lighter.diagonal() * (0.5 * horizon_s * horizon_s) })
+    };
+    starts.par_iter().filter_map(from).collect()
 }
 
+/// Drives that deliver what the motion as recorded needs.
+struct Faithful<'a> {
+    drives: &'a dyn Drives,
+    /// At each sample.
+    needed: Vec<Vector3<f64>>,
+}
+
+impl Drives for Faithful<'_> {
+    fn delivered(&self, sample: usize, _: &Shaft) -> Vector3<f64> {
+        let next = (sample + 1).min(self.needed.len() - 1);
+        0.5 * (self.needed[sample] + self.needed[next])
+    }
+
+    fn needed(&self, sample: usize, shaft: &Shaft) -> Vector3<f64> {
+        self.drives.needed(sample, shaft)
+    }
+
+    fn creep(&self) -> Vector3<f64> {
+        self.drives.creep()
+    }
+
+    fn count(&self) -> usize {
+        self.drives.count()
+    }
+}
+
+/// Recorded less simulated angles after `horizon_s`, with the last sample before its end.
 fn after(drives: &dyn Drives, shafts: &[Shaft], start: usize, horizon_s: f64) -> Option<(usize, Vector3<f64>)> {
     let end_s = shafts[start].time_s + horizon_s;
     // The last sample before the end, give or take a rounding.
@@ -144,7 +192,7 @@ mod tests {
             let missed = missed(&drives, &recorded, horizon_s);
             // Starts are a sample apart at least.
             assert!(missed.len() as f64 > (20.0 - horizon_s) / (0.5 * horizon_s).max(0.04) - 2.0, "{}", missed.len());
-            assert!(missed.iter().all(|(_, away)| away.x.abs() < 0.01), "{missed:?}");
+            assert!(missed.iter().all(|missed| missed.away.x.abs() < 0.01), "{missed:?}");
         }
     }
 
@@ -152,13 +200,15 @@ mod tests {
     fn what_sticks_stays_and_what_was_not_modelled_is_missed() {
         let sticks = Spring { inertia: 1e-3, spring: 0.0, dry: 1.0 };
         let still = shafts(10.0, |_| [0.3, 0.0, 0.0], 0.9);
-        assert!(missed(&sticks, &still, 5.0).iter().all(|(_, away)| away.x.abs() < 1e-12));
+        assert!(missed(&sticks, &still, 5.0).iter().all(|missed| missed.away.x.abs() < 1e-12));
         // 0.5 N m on 2 kg m^2 that the recording did not follow: t^2 / 8.
         let free = Spring { inertia: 2.0, spring: 0.0, dry: 0.0 };
         for horizon_s in [0.05, 1.0] {
             let pulled = missed(&free, &shafts(10.0, |_| [0.0; 3], 0.5), horizon_s);
             let expected = -0.125 * horizon_s * horizon_s;
-            assert!(!pulled.is_empty() && pulled.iter().all(|(_, away)| (away.x / expected - 1.0).abs() < 0.06), "{pulled:?}");
+            // That lacks in no motion as recorded, and a torque of one makes four times as much of a quarter of it.
+            assert!(pulled.iter().all(|missed| missed.by_method.x.abs() < 1e-12 && (missed.per_torque.x / -expected - 2.0).abs() < 1e-9));
+            assert!(!pulled.is_empty() && pulled.iter().all(|missed| (missed.away.x / expected - 1.0).abs() < 0.06), "{pulled:?}");
         }
     }
 }
