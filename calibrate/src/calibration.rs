@@ -122,8 +122,13 @@ pub fn calibrate(shots: &[Shot], sizes_px: [(u32, u32); 2], board: &Board, optio
         boards.push(pose);
         shots_of_pairs.push(shot);
     }
-    if views.is_empty() {
-        return Err(Error::Data("no two sightings of the board by both cameras agree on the pose between them.".to_owned()));
+    if views.len() < FEWEST_BOARDS.min(indices.len()) {
+        return Err(Error::Data(format!(
+            "{} of the {} boards that both cameras saw agree on the pose between the cameras, and {FEWEST_BOARDS} are needed; give pictures of left and \
+             right that were taken at one instant.",
+            views.len(),
+            indices.len()
+        )));
     }
     let mut shot_of_view = shots_of_pairs.clone();
     let alone = |shot: usize| !shots_of_pairs.contains(&shot);
