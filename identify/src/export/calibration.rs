@@ -8,6 +8,7 @@ use raven::{Error, Result};
 use super::constants::{COUPLINGS, Constants};
 use crate::args::Format;
 use crate::identified::{is_determined, left, remark};
+use crate::parameters;
 
 /// How far a pulley may be from its drawing: cable and groove wear give a few per cent, another robot's pulley more.
 const RADIUS_OFF: f64 = 0.15;
@@ -66,9 +67,9 @@ impl Calibration {
                 continue;
             }
             let is_typed = entry.std == 0.0;
-            // Corrections of the registration stay fitted whatever the log says; they are nothing the controller has.
-            let is_registration = ["observation.rotation.", "observation.translation."].iter().any(|part| entry.key.starts_with(part));
-            if is_registration {
+            // What stays as fitted whatever the log says is nothing the controller has.
+            let stays_as_fitted = parameters::ALL.iter().any(|quantity| !quantity.may_hold() && quantity.key(robot) == entry.key);
+            if stays_as_fitted {
                 settled.push(&entry.key);
             } else if value != entry.prior {
                 let (reason, advice) = if is_typed {

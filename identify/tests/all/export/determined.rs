@@ -67,6 +67,15 @@ fn what_the_data_did_not_identify_is_refused() {
     }
 }
 
+#[test]
+fn how_straight_a_loop_turns_holds_back_no_other_number() {
+    let mut robot = identified("gold");
+    robot.joints[2].hysteresis.half_loop = 1e-6;
+    change(&mut robot, "straight_part_3", "joints.insertion.hysteresis.straight_part", -0.0106);
+    robot.calibration.last_mut().unwrap().identified = false;
+    Folder::new(&robot).export("rosparam", None, "new.yaml").unwrap();
+}
+
 /// A factor is known to a part of itself: of one that went up, more is left in SI units than half of what there was before.
 #[test]
 fn what_an_identification_determined_is_exported_whichever_way_it_went() {
