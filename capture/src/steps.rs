@@ -66,19 +66,19 @@ pub fn steps(survey: &Survey) -> Vec<Step> {
     } else {
         (!tip).then_some(if no_images.is_none() { "/tip: run raven-track" } else { "/tip, or images to track it in" })
     };
-    let torque = survey.torque_recorded == Some(true);
+    // What a damaged log has of it is not known.
+    let torque = survey.torque_recorded.unwrap_or(survey.damage.is_some());
     let without_tip = match (on_bench, tip) {
         (true, _) => "as a bench, with `kinematics: {kind: bench}` in the robot file",
         (false, true) => "",
         (false, false) => "without /tip: by torque alone",
     };
     let validation = if has(topics::JOINT_ENCODERS) { "" } else { "without /joint_encoders there is no error to report" };
-    let no_torque = if motors.is_some() && !torque { "without torque: nothing about stiffness or friction" } else { "" };
     let mut steps = vec![
         step("raven-calibrate cameras", &[no_images], ""),
         step("raven-calibrate register", &[no_images, no_motor, out_of_time], ""),
         step("raven-track", &[no_images, no_motor, out_of_time], ""),
-        step("raven-identify", &[no_motor, no_tip], no_torque),
+        step("raven-identify", &[no_motor, no_tip], ""),
         step("raven-replay", &[no_motor, no_tip], validation),
         step("raven-diagnose", &[no_motor, no_tip.filter(|_| !on_bench && !torque)], without_tip),
     ];
