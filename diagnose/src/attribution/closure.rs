@@ -32,7 +32,7 @@ pub struct Closure {
     pub before: f64,
     /// RMS against the model with the effects.
     pub after: f64,
-    /// Part of the squared gap above the floor that is gone; `null` where there is none to take.
+    /// Part of the squared gap above the floor that is gone; `null` without effects, and where that gap is too near the floor to take a part of.
     pub closed: Option<f64>,
     /// Its interval.
     pub closed_ci95: Option<[f64; 2]>,

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::{Estimate, estimate};
+use super::Estimate;
+use super::conclusion::estimate;
 use crate::evidence::fit::{Fitter, Hypothesis};
 
 /// A number is moved if it is off by more than so many of its tolerances, and of what it scatters by.

@@ -91,10 +91,15 @@ fn short_of_all(share: f64) -> String {
     }
 }
 
-/// That evidence may be large where the rms gap hardly moves, as where numbers of the file make nearly all of it; nothing where it does move.
+/// That evidence may be large where the rms gap hardly moves, as where numbers of the file make nearly all of it, or where there is none; nothing
+/// where it does move.
 fn hardly_seen(attribution: &Attribution) -> String {
     let mut closed = attribution.gap.iter().filter_map(|gap| gap.closed).peekable();
-    if closed.peek().is_none() || closed.any(|closed| closed >= HARDLY_SEEN) {
+    if closed.peek().is_none() && !attribution.gap.is_empty() {
+        let them = if attribution.effects.len() > 1 { "them" } else { "it" };
+        return format!(" But no channel has an rms gap above its noise floor: a simulation with {them} will not be seen to come closer.");
+    }
+    if closed.any(|closed| closed >= HARDLY_SEEN) {
         return String::new();
     }
     let retuned =
@@ -360,6 +365,13 @@ mod tests {
             side: None,
             point: Point::default(),
         }
+    }
+
+    #[test]
+    fn effects_without_a_gap_are_said_to_close_none() {
+        let mut found = offset(Word::Explained, 0.0, 0.0);
+        found.gap[0].closed = None;
+        assert!(sentence(&found).contains("But no channel has an rms gap above its noise floor"), "{}", sentence(&found));
     }
 
     #[test]

@@ -70,7 +70,7 @@ impl<'f> Descent<'f> {
     /// From a start; `None` where nothing is finite.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(super) fn begun(
         fitter: &'f Fitter<'f>,
         free: &'f [usize],
@@ -105,7 +105,7 @@ impl<'f> Descent<'f> {
     /// went down [nat]; `None` where slopes are not finite.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(super) fn step(&mut self, direction: &Direction, remembers: bool) -> Result<Option<f64>> {
         let Some(promise) = direction.promise() else { return Ok(None) };
         let begun_with = self.damping;
@@ -113,7 +113,7 @@ impl<'f> Descent<'f> {
             let Some(step) = direction.step(self.damping) else { return Ok(None) };
             let mut moved = self.u.clone();
             for (k, &c) in self.free.iter().enumerate() {
-                moved[c] = self.fitter.kept_inside(c, self.u[c], step[k]);
+                moved[c] = self.fitter.stepped(c, self.u[c], step[k]);
             }
             let before = self.cost;
             if self.take(moved, |there, here| there.cost < here.cost)? {
@@ -129,7 +129,7 @@ impl<'f> Descent<'f> {
     /// Moves moments to miscounts that readings alone show, where that explains no less: what was believed of a moment beforehand does not matter.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(super) fn settle_on_miscounts(&mut self) -> Result<()> {
         for &c in self.free {
             let Some(nearest) = self.fitter.nearest_miscount(c, self.u[c]) else { continue };

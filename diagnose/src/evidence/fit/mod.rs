@@ -32,6 +32,11 @@ const CLOSER_WITHIN: f64 = 1.0;
 pub const STRAINED: f64 = 4.0;
 /// Farthest a number is moved at once, in units of the slab.
 const STEP_MAX: f64 = 1.5;
+/// That of a shape, in deviations of its logarithm, and of a moment, as a part of the recording.
+const SHAPE_STEP_MAX: f64 = 0.7;
+const MOMENT_STEP_MAX: f64 = 0.02;
+/// Least size of what cannot be negative, in units of the slab.
+const MAGNITUDE_MIN: f64 = 1e-3;
 
 /// A hypothesis, fitted.
 #[derive(Debug, Clone)]
@@ -147,7 +152,7 @@ impl Fitter<'_> {
     /// Exact residuals at a point.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn exact(&self, u: &[f64]) -> Result<Vec<f64>> {
         self.rows.residuals(&self.coordinates.settings(u), Links::RolledOut, &ALL)
     }
@@ -156,7 +161,7 @@ impl Fitter<'_> {
     /// they do not move far. `None` where nothing finite was found.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn fit(&self, effects: &[usize], start: &[f64], like: Option<&Hypothesis>) -> Result<Option<Hypothesis>> {
         self.fit_with(effects, start, like, Following::Settled)
     }
@@ -230,18 +235,18 @@ impl Fitter<'_> {
         seen.iter().copied().min_by(|a, b| (a - u).abs().total_cmp(&(b - u).abs()))
     }
 
-    /// A step of a coordinate: not through zero where the number cannot be negative, not out of the recording, not too far at once.
+    /// The coordinate after a step from `u`: not through zero where the number cannot be negative, not out of the recording, not too far at once.
     #[must_use]
-    pub fn kept_inside(&self, c: usize, u: f64, step: f64) -> f64 {
+    pub fn stepped(&self, c: usize, u: f64, step: f64) -> f64 {
         let scale = self.scale(c);
         // Beyond these it would have no slope, and what is believed of it would lead it far back.
         let [least, largest] = scale.limits_u();
         match scale {
             // At zero it would have none either.
-            Scale::Magnitude(_) | Scale::Part => (u + step.clamp(-STEP_MAX, STEP_MAX)).clamp(1e-3, largest),
-            Scale::Shape { .. } => (u + step.clamp(-0.7, 0.7)).clamp(-MILDEST, MILDEST),
+            Scale::Magnitude(_) | Scale::Part => (u + step.clamp(-STEP_MAX, STEP_MAX)).clamp(MAGNITUDE_MIN, largest),
+            Scale::Shape { .. } => (u + step.clamp(-SHAPE_STEP_MAX, SHAPE_STEP_MAX)).clamp(-MILDEST, MILDEST),
             Scale::Whole { .. } => u,
-            Scale::Moment => (u + step.clamp(-0.02, 0.02)).clamp(least, largest),
+            Scale::Moment => (u + step.clamp(-MOMENT_STEP_MAX, MOMENT_STEP_MAX)).clamp(least, largest),
             Scale::State { .. } => (u + step).clamp(least, largest),
             Scale::Offset(_) => u + step,
             Scale::Factor { .. } => (u + step.clamp(-STEP_MAX, STEP_MAX)).min(largest),

@@ -15,8 +15,8 @@ pub(crate) const DIFFERENCE: f64 = 0.02;
 /// The slope by a number of the nominal model is taken anew when that number has moved so far, in units of the slab.
 const MOVED: f64 = 0.15;
 
-/// How a fit treats the numbers of how a joint follows its cable: of joints with an effect, unless it says all. A joint that is held by
-/// friction, swings or floats in slack has little to do with the settled one.
+/// How a fit takes slopes by numbers that change how a joint follows its cable, at joints with an effect. A joint that is held by friction, swings
+/// or floats in slack has little to do with the settled one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Following {
     /// By slopes of settled links.
@@ -25,7 +25,7 @@ pub enum Following {
     Held,
     /// By slopes of rolled-out links, which take fifty times as long.
     RolledOut,
-    /// The same, and those of all joints.
+    /// By slopes of rolled-out links, at all joints.
     AllRolledOut,
 }
 
@@ -99,7 +99,7 @@ impl<'f> Slopes<'f> {
     /// Takes those anew that no longer hold at a point, and if it `renews` all that are about how joints follow their cables.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(super) fn take_anew(&mut self, u: &[f64], renews: bool) -> Result<()> {
         let is_stale = |k: &usize| self.taken[*k].as_ref().is_none_or(|(_, at)| self.has_moved(*k, u, at)) || renews && self.is_old(*k, u);
         let stale: Vec<usize> = (0..self.coordinates.len()).filter(is_stale).collect();
@@ -150,7 +150,7 @@ impl Fitter<'_> {
     /// Slopes of the residuals' negative by coordinates at a point.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn slopes(&self, u: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
         coordinates.par_iter().map(|&c| self.slope(u, None, c, links)).collect()
     }
@@ -158,7 +158,7 @@ impl Fitter<'_> {
     /// As [`Self::slopes`] for half the price and not as close: to one side of a point whose residuals are known.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(crate) fn slopes_beside(&self, u: &[f64], residuals: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
         coordinates.par_iter().map(|&c| self.slope(u, Some(residuals), c, links)).collect()
     }

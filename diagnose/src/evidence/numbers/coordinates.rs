@@ -82,7 +82,7 @@ impl Coordinates {
 
     /// With the nominal model's numbers off by the part of their tolerances that other recordings of the rig show.
     #[must_use]
-    pub fn spread(mut self, spread: &Spread) -> Self {
+    pub fn with_spread(mut self, spread: &Spread) -> Self {
         self.spread = spread.clone();
         for coordinate in self.all.iter_mut().filter(|coordinate| !coordinate.is_unknown()) {
             let part = spread.part(self.sited[coordinate.effect].effect.id);

@@ -12,7 +12,7 @@ impl Fitter<'_> {
     /// As [`Self::search`] where the same was searched `before`.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn search_again(&self, before: &Outcome, mut each: impl FnMut()) -> Result<Option<Outcome>> {
         let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
         outcome.compared.clone_from(&before.compared);

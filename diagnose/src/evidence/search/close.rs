@@ -19,7 +19,7 @@ impl Fitter<'_> {
     /// Fits what is likely once more, and goes on with the best of it.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(super) fn look_closely(&self, outcome: &mut Outcome) -> Result<()> {
         let Some(leading) = self.leading(outcome) else { return Ok(()) };
         if leading.evidence - outcome.none.evidence > WITHIN_NATS {
@@ -51,7 +51,7 @@ impl Fitter<'_> {
     /// scatter, and what two hypotheses have in common is to scatter alike.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(super) fn fitted_closely(&self, effects: &[usize], start: &[f64], like: Option<&Hypothesis>) -> Result<Option<Hypothesis>> {
         self.fit_with(effects, start, like, Following::AllRolledOut)
     }

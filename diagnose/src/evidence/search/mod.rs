@@ -41,7 +41,7 @@ impl Fitter<'_> {
     /// Looks for the most probable hypothesis; `None` where not even the nominal model can be evaluated. `each` hears of every step.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn search(&self, mut each: impl FnMut()) -> Result<Option<Outcome>> {
         let Some((nominal, mut outcome)) = self.begun()? else { return Ok(None) };
         each();

@@ -20,7 +20,7 @@ impl Fitter<'_> {
     /// best of them.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(crate) fn hold_against_rivals(&self, outcome: &mut Outcome) -> Result<()> {
         let best = outcome.best.clone();
         let within = RIVALS_NATS * self.leftover(&best).most();

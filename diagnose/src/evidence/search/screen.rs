@@ -91,7 +91,7 @@ impl Fitter<'_> {
     /// have been fitted; the same effects came to `reached` when they were.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn screen(&self, base: &Hypothesis, reached: f64) -> Result<Vec<Candidate>> {
         let all: Vec<usize> = (0..self.coordinates.sited.len()).collect();
         self.screen_some(base, reached, &all)
@@ -100,7 +100,7 @@ impl Fitter<'_> {
     /// As [`Self::screen`], of some effects only.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn screen_some(&self, base: &Hypothesis, reached: f64, some: &[usize]) -> Result<Vec<Candidate>> {
         let columns: Vec<&[f64]> = base.columns.iter().map(|column| column.as_slice()).collect();
         let mut point = Point {
@@ -227,12 +227,11 @@ impl Fitter<'_> {
         let at = DVector::from_iterator(coordinates.len(), coordinates.iter().map(|&c| u[c]));
         let (free_step, free_cost) = model.minimum(&at, &precision)?;
         // The effect's own numbers go as far as they may, the others make the best of it.
-        let inside =
-            DVector::from_iterator(own.len(), own.iter().enumerate().map(|(a, &c)| self.kept_inside(c, u[c], free_step[a]) - u[c]));
+        let inside = DVector::from_iterator(own.len(), own.iter().enumerate().map(|(a, &c)| self.stepped(c, u[c], free_step[a]) - u[c]));
         let is_bounded = inside.iter().zip(free_step.iter()).any(|(step, free)| (step - free).abs() > 1e-9);
         let (step, cost) = if is_bounded { model.minimum_beside(&inside, &at, &precision)? } else { (free_step, free_cost) };
         let (evidence, covariance) = evidence(&model.information, &precision, cost)?;
-        coordinates.iter().zip(step.iter()).for_each(|(&c, step)| u[c] = self.kept_inside(c, u[c], *step));
+        coordinates.iter().zip(step.iter()).for_each(|(&c, step)| u[c] = self.stepped(c, u[c], *step));
         let std = |c: usize| coordinates.iter().position(|&at| at == c).map_or(1.0, |k| covariance[(k, k)].sqrt());
         let evidence = evidence + self.beyond_normal(&effects, &|c| u[c], &std) - promised;
         Some(Candidate { evidence, effects, start: u, doubt: promised.abs() })

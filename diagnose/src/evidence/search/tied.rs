@@ -46,7 +46,7 @@ impl Fitter<'_> {
     /// is left of those that are tied without any one of their effects: either may come first in the end.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(crate) fn hold_against_ties(&self, outcome: &mut Outcome) -> Result<()> {
         let best = outcome.best.clone();
         // Differences of evidence shrink by so much when what is left counts as noise.

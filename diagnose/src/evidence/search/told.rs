@@ -9,7 +9,7 @@ impl Fitter<'_> {
     /// `None` where the model cannot be evaluated.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub fn told(&self, effects: &[usize]) -> Result<Option<(Hypothesis, f64)>> {
         let Some(nominal) = self.at_nominal()? else { return Ok(None) };
         let Some(none) = self.fit(&[], &nominal.u, None)? else { return Ok(None) };

@@ -23,7 +23,7 @@ fn found(tolerances: f64, spread: &Spread) -> (Vec<&'static str>, Departures) {
     let stated = Coordinates::new(&nothing.robot, &nothing);
     let coupling = stated.of(nothing.effect(&stated, 0)).next().unwrap();
     let rows = seen(tolerances * stated.all[coupling].spike.unwrap());
-    let coordinates = Coordinates::new(&rows.robot, &rows).spread(spread);
+    let coordinates = Coordinates::new(&rows.robot, &rows).with_spread(spread);
     let fitter = Fitter::new(&rows, &coordinates);
     let outcome = fitter.search(|| {}).unwrap().unwrap();
     let departures = fitter.departures(&outcome.best, &fitter.deviations(&outcome.best)).unwrap();

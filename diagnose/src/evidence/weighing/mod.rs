@@ -109,7 +109,7 @@ impl Fitter<'_> {
     /// Fits what was found most probable without each of its effects, where that has not been done: what one is worth is what it is beyond that.
     ///
     /// # Errors
-    /// If the robot is no arm.
+    /// If the model cannot be evaluated.
     pub(super) fn hold_against_less(&self, outcome: &mut Outcome) -> Result<()> {
         let best = outcome.best.clone();
         let is_known = |effects: &Vec<usize>| outcome.fitted.contains_key(effects) || outcome.spurious.contains_key(effects);
