@@ -110,6 +110,12 @@ impl Coordinates {
         (0..self.all.len()).filter(move |&c| self.all[c].effect == effect)
     }
 
+    /// Whether an effect can be told from the nominal model: not where the file's tolerances bear any size that is usual of it.
+    #[must_use]
+    pub fn can_be_named(&self, effect: usize) -> bool {
+        self.of(effect).any(|c| !self.all[c].is_unknown())
+    }
+
     /// An effect's own numbers at a point.
     #[must_use]
     pub fn own(&self, effect: usize, u: &[f64]) -> Vec<f64> {

@@ -93,7 +93,7 @@ impl Fitter<'_> {
     /// # Errors
     /// If the model cannot be evaluated.
     pub fn screen(&self, base: &Hypothesis, reached: f64) -> Result<Vec<Candidate>> {
-        let all: Vec<usize> = (0..self.coordinates.sited.len()).collect();
+        let all: Vec<usize> = (0..self.coordinates.sited.len()).filter(|&effect| self.coordinates.can_be_named(effect)).collect();
         self.screen_some(base, reached, &all)
     }
 

@@ -159,7 +159,9 @@ impl Fitter<'_> {
 
     /// What the library ties to an effect of a hypothesis, at the places where it shows.
     fn ties_of(&self, hypothesis: &Hypothesis, effect: usize) -> Vec<usize> {
-        let is_tied = |other: &usize| self.are_tied(effect, *other) && self.can_replace(hypothesis, effect, *other);
+        let is_tied = |other: &usize| {
+            self.coordinates.can_be_named(*other) && self.are_tied(effect, *other) && self.can_replace(hypothesis, effect, *other)
+        };
         (0..self.coordinates.sited.len()).filter(is_tied).collect()
     }
 
