@@ -81,9 +81,26 @@ pub struct Report {
     motor_motion: Vec<MotorMotion>,
     controller: Vec<ControllerDifference>,
     recordings: Vec<String>,
+    /// SHA-256 of each.
+    recordings_sha256: Vec<String>,
+    /// Those that say how far the file's numbers are off.
+    beside: Vec<String>,
+    robot: RobotFile,
     /// What of the recordings could not be used, in sentences.
     lost: Vec<String>,
+    /// Why recordings may not belong to the robot or the cameras, in sentences.
+    warnings: Vec<String>,
     unreachable: usize,
+    /// Whether an arm's recordings have images, which may show the tip.
+    #[serde(skip)]
+    has_images: bool,
+}
+
+/// The robot file that the recordings were held against.
+#[derive(Debug, Serialize)]
+struct RobotFile {
+    file: String,
+    sha256: String,
 }
 
 /// An [`Attribution`] where causes were not looked for: scripts find the same keys.
@@ -153,17 +170,25 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let inputs = args.logs.iter().chain(&args.beside).chain(&args.against).chain(&args.cameras).chain([&args.robot]);
     files::apart(inputs, &[("--json", args.json.as_deref()), ("--html", args.html.as_deref())])?;
     files::distinct(&args.logs.iter().chain(&args.beside).collect::<Vec<_>>())?;
+    args.html.as_deref().map_or(Ok(()), files::no_stream)?;
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let recordings = read(&args.logs, &robot)?;
     let residuals = channels(&recordings, &robot)?;
-    if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
-        let tracked = recordings.iter().map(|recording| (&recording.path, Cameras::of_tracked(recording)));
-        cameras.warn_if_others_tracked(cameras_path, tracked)?;
-    }
-    recordings.iter().for_each(|recording| Cameras::warn_if_latency_counts_twice(&robot, recording));
-    let mut report = Report::new(&robot, &args.logs, &residuals);
+    let beside = read(&args.beside, &robot)?;
+    let file = RobotFile { file: args.robot.display().to_string(), sha256: files::sha256(&args.robot)? };
+    let mut report = Report::new(&robot, file, &residuals);
+    report.recordings = names(&args.logs);
+    report.recordings_sha256 = args.logs.iter().map(|path| files::sha256(path)).collect::<Result<_>>()?;
+    report.beside = names(&args.beside);
+    let is_bench = matches!(robot.kinematics, KinematicsKind::Bench);
+    report.has_images = !is_bench && recordings.iter().any(|recording| recording.frame_interval_s.is_some());
     report.lost = recordings.iter().flat_map(lost).collect();
+    report.warnings = doubts(&robot, cameras.as_ref().zip(args.cameras.as_deref()), recordings.iter().chain(&beside))?;
+    if let Some(path) = args.cameras.as_deref().filter(|_| is_bench) {
+        report.warnings.push(format!("{} counts for nothing: robot `{}` is a bench, which no camera sees.", path.display(), robot.name));
+    }
+    report.warnings.iter().for_each(|sentence| cli::warn(sentence));
     let nominal = Nominal::new(&robot, cameras.as_ref());
     let Held { recordings, residuals, simulated } = Held::against(&nominal, recordings, residuals, &args.against)?;
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
@@ -175,10 +200,10 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     report.motor_motion = gap::motor_motion(&sorted);
     let gaps = gaps(&robot, &residuals);
     report.against = simulated.as_ref().map(|simulated| Against::new(&robot, simulated.found.clone(), &gaps, &sorted));
-    if simulated.is_some() && matches!(robot.kinematics, KinematicsKind::Bench) {
+    if simulated.is_some() && is_bench {
         report.no_diagnosis = Some(NO_CAUSES_OF_BENCH.to_owned());
     } else if !args.gap_only {
-        let (spread, silent) = beside(&nominal, &args.beside)?;
+        let (spread, silent) = spread(&nominal, &beside)?;
         report.lost.extend(silent);
         let nominal = Nominal { spread, ..nominal };
         report.add(match &simulated {
@@ -234,6 +259,21 @@ impl Held {
     }
 }
 
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    paths.iter().map(|path| path.display().to_string()).collect()
+}
+
+/// Why recordings may not belong to the robot or the cameras, in sentences.
+fn doubts<'a>(robot: &Robot, cameras: Option<(&Cameras, &Path)>, recordings: impl Iterator<Item = &'a Recording>) -> Result<Vec<String>> {
+    let mut sentences = Vec::new();
+    for recording in recordings {
+        let others = cameras.map_or(Ok(None), |(cameras, path)| cameras.others_tracked(path, recording))?;
+        sentences.extend(recording.of_another_robot(robot).into_iter().chain(others));
+        sentences.extend(Cameras::latency_counts_twice(robot, recording));
+    }
+    Ok(sentences)
+}
+
 /// What of a recording could not be used, in sentences.
 fn lost(recording: &Recording) -> impl Iterator<Item = String> {
     let intervals_s = recording.motor.iter().flat_map(|motor| motor.time_s.windows(2)).map(|pair| pair[1] - pair[0]);
@@ -277,19 +317,19 @@ fn causes_against(nominal: &Nominal, put_right: &[Recording], simulated: &Simula
 }
 
 /// How far other recordings of the rig, each diagnosed alone, take the file's numbers to be off, and which of them say nothing of it.
-fn beside(nominal: &Nominal, logs: &[PathBuf]) -> Result<(Spread, Vec<String>)> {
-    let bar = cli::progress(logs.len() as u64, "diagnosing other recordings");
-    let (mut others, mut silent): (Vec<Departures>, Vec<String>) = Default::default();
-    for log in logs {
-        match diagnose_recording(log, nominal) {
-            Ok(diagnosed) => others.extend(diagnosed.departures),
-            Err(Error::Data(because)) => silent.push(format!("{} counts for nothing beside others. {because}", log.display())),
+fn spread(nominal: &Nominal, others: &[Recording]) -> Result<(Spread, Vec<String>)> {
+    let bar = cli::progress(others.len() as u64, "diagnosing other recordings");
+    let (mut departures, mut silent): (Vec<Departures>, Vec<String>) = Default::default();
+    for recording in others {
+        match causes(nominal, std::slice::from_ref(recording)) {
+            Ok(attribution) => departures.extend(attribution.departures),
+            Err(Error::Data(because)) => silent.push(format!("{} counts for nothing beside others. {because}", recording.path.display())),
             Err(error) => return Err(error),
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok((Spread::of(&others.iter().collect::<Vec<_>>()), silent))
+    Ok((Spread::of(&departures.iter().collect::<Vec<_>>()), silent))
 }
 
 /// On a simulated slide whose friction was 2.5 times the simulation's the search found nothing: it must not say that there is nothing.
@@ -320,7 +360,7 @@ impl Report {
     fn page(&self, of_gap: report::Page, robot: &Robot, args: &Args) -> report::Page {
         let mut page = of_gap;
         page.motors.clone_from(&self.motor_motion);
-        page.remarks.extend(self.lost.iter().chain(&self.no_diagnosis).cloned());
+        page.remarks.extend(self.warnings.iter().chain(&self.lost).chain(&self.no_diagnosis).cloned());
         if let Some(attribution) = &self.attribution {
             let json = args.json.as_deref().filter(|json| json.as_os_str() != cli::STANDARD_OUTPUT);
             let files = report::Files { robot: &args.robot, cameras: args.cameras.as_deref(), json };
@@ -329,7 +369,7 @@ impl Report {
         page
     }
 
-    fn new(robot: &Robot, logs: &[PathBuf], recordings: &[Channels]) -> Self {
+    fn new(robot: &Robot, file: RobotFile, recordings: &[Channels]) -> Self {
         let mut report = Self {
             format: "raven-diagnosis/1",
             attribution: None,
@@ -340,9 +380,14 @@ impl Report {
             against: None,
             motor_motion: Vec::new(),
             controller: Vec::new(),
-            recordings: logs.iter().map(|path| path.display().to_string()).collect(),
+            recordings: Vec::new(),
+            recordings_sha256: Vec::new(),
+            beside: Vec::new(),
+            robot: file,
             lost: Vec::new(),
+            warnings: Vec::new(),
             unreachable: recordings.iter().map(|r| r.unreachable).sum(),
+            has_images: false,
         };
         for (j, joint) in robot.joints.iter().enumerate() {
             let (unit, scale) = joint.display_unit();
@@ -386,7 +431,8 @@ mod tests {
 
     #[test]
     fn a_report_without_a_diagnosis_has_the_keys_of_one_with() {
-        let mut report = Report::new(&raven::robot::nominal::gold(), &[], &[]);
+        let file = RobotFile { file: "robot.yaml".to_owned(), sha256: String::new() };
+        let mut report = Report::new(&raven::robot::nominal::gold(), file, &[]);
         let without = json!(report);
         report.attribution = Some(Attribution {
             verdict: Word::Explained,

@@ -10,10 +10,11 @@ use crate::whereabouts::Place;
 impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.model_gap.is_empty() {
+            let untracked = if self.has_images { " They have images: run raven-track on them first." } else { "" };
             writeln!(
                 out,
                 "Nothing in these recordings shows where joints were while their motors were recorded (an arm's tip, a bench's joint encoders): \
-                 the gap at the joints cannot be seen."
+                 the gap at the joints cannot be seen.{untracked}"
             )?;
         } else {
             writeln!(out, "Gap (rms): the recordings against transmission kinematics, and against the model with its cables and links")?;

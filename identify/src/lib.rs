@@ -73,16 +73,14 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     files::distinct(args.logs()?)?;
     let recordings = {
         let spinner = cli::spinner("reading logs");
-        let recordings = Recordings::read(args.logs()?, &robot);
+        let recordings = Recordings::read(args.logs()?, &robot, cameras.as_ref().zip(args.cameras.as_deref()));
         spinner.finish_and_clear();
         recordings?
     };
-    if let (Some(cameras), Some(cameras_path)) = (&cameras, &args.cameras) {
-        cameras.warn_if_others_tracked(cameras_path, recordings.tracked.iter().cloned())?;
-    }
+    recordings.doubts.iter().for_each(|sentence| cli::warn(sentence));
     let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
     args.plots(&unknowns)?;
-    let tracked: Vec<Option<&Cameras>> = recordings.tracked.iter().map(|(_, cameras)| cameras.as_ref()).collect();
+    let tracked: Vec<Option<&Cameras>> = recordings.tracked.iter().map(Option::as_ref).collect();
     let systematic = Systematic::of(&recordings.sessions, &tracked);
     let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?.with_flaws(systematic.flaws.clone());
     let spinner = cli::spinner("estimating");

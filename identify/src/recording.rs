@@ -1,6 +1,6 @@
 //! From log files to sessions: what can be used of them, and a sentence where that is nothing.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Vector3;
 use raven::camera::Cameras;
@@ -31,20 +31,22 @@ pub struct Recordings {
     pub duration_s: f64,
     /// Sentences about what could not be used.
     pub lost: Vec<String>,
+    /// Sentences about logs that may not belong to the robot or the cameras.
+    pub doubts: Vec<String>,
     /// The cameras that each log was tracked with, where it says so.
-    pub tracked: Vec<(PathBuf, Option<Cameras>)>,
+    pub tracked: Vec<Option<Cameras>>,
 }
 
 impl Recordings {
-    /// Reads logs of one robot.
+    /// Reads logs of one robot, which are held against its cameras and the file that those came from.
     ///
     /// # Errors
-    /// If a log cannot be read, has no motors or no tip, if the two clocks disagree, if too few sightings are left, or if the robot
-    /// did not move away from its hard stop in any of them.
-    pub fn read(paths: &[impl AsRef<Path>], robot: &Robot) -> Result<Self> {
+    /// If a log cannot be read, has no motors or no tip, or was tracked with cameras of another size, if the two clocks disagree, if too few
+    /// sightings are left, or if the robot did not move away from its hard stop in any of them.
+    pub fn read(paths: &[impl AsRef<Path>], robot: &Robot, cameras: Option<(&Cameras, &Path)>) -> Result<Self> {
         let mut all = Self::default();
         for path in paths {
-            all.add(path.as_ref(), robot)?;
+            all.add(path.as_ref(), robot, cameras)?;
         }
         let sightings: usize = all.sessions.iter().map(|s| s.sightings.len()).sum();
         if sightings < SIGHTINGS_MIN {
@@ -62,8 +64,10 @@ impl Recordings {
         self.sessions.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
-    fn add(&mut self, path: &Path, robot: &Robot) -> Result<()> {
+    fn add(&mut self, path: &Path, robot: &Robot, cameras: Option<(&Cameras, &Path)>) -> Result<()> {
         let recording = Recording::of_robot(path, robot)?;
+        let others = cameras.map_or(Ok(None), |(cameras, cameras_path)| cameras.others_tracked(cameras_path, &recording))?;
+        self.doubts.extend(recording.of_another_robot(robot).into_iter().chain(others));
         let motion = Motion::new(recording.motor_track()?, recording.require_motor()?.longest_joined_s())
             .ok_or_else(|| Error::file(path, "the log has a single robot message; an estimate needs a motion."))?;
         let seen: Vec<(f64, &TipObservation)> = recording
@@ -105,7 +109,7 @@ impl Recordings {
             self.lost.push(format!("{name}: {without_covariance} sightings whose covariance is none were left out."));
         }
         self.duration_s += recording.duration_s;
-        self.tracked.push((path.to_owned(), Cameras::of_tracked(&recording)));
+        self.tracked.push(Cameras::of_tracked(&recording));
         self.sessions.push(Session { name, sha256: files::sha256(path)?, motion, sightings });
         Ok(())
     }

@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use raven::effects::Sited;
-use raven::{Error, Result, files};
+use raven::robot::Robot;
+use raven::{Error, Result, cli, files};
 use serde::Deserialize;
 
 /// A report.
 #[derive(Debug)]
 pub struct Diagnosis {
     path: PathBuf,
-    effects: Vec<Blamed>,
-    recordings: Vec<String>,
+    report: Report,
 }
 
 #[derive(Debug, Deserialize)]
@@ -21,6 +21,23 @@ struct Report {
     effects: Vec<Blamed>,
     #[serde(default)]
     recordings: Vec<String>,
+    #[serde(default)]
+    recordings_sha256: Vec<String>,
+    against: Option<Against>,
+    robot: Option<RobotFile>,
+}
+
+/// What recordings were held against besides the robot file: a simulation of the user's own.
+#[derive(Debug, Deserialize)]
+struct Against {
+    effects_of: Option<String>,
+}
+
+/// The robot file that recordings were held against.
+#[derive(Debug, Deserialize)]
+struct RobotFile {
+    file: String,
+    sha256: String,
 }
 
 /// A blamed effect.
@@ -48,21 +65,61 @@ impl Diagnosis {
     /// Reads a report.
     ///
     /// # Errors
-    /// If it cannot be read or is none.
+    /// If it cannot be read, is none, or is about effects that the robot lacks.
     pub fn read(path: &Path) -> Result<Self> {
         let wrong = |what: String| Error::file(path, format!("{what}; expected a report that raven-diagnose --json wrote."));
         let report: Report = serde_json::from_str(&files::read_text(path)?).map_err(|e| wrong(format!("it is no report: {e}")))?;
         if report.format != "raven-diagnosis/1" {
             return Err(wrong(format!("format is `{}` and not `raven-diagnosis/1`", report.format)));
         }
-        Ok(Self { path: path.to_owned(), effects: report.effects, recordings: report.recordings })
+        if report.against.as_ref().is_some_and(|against| against.effects_of.as_deref() == Some("simulation")) {
+            let message = "against.effects_of is `simulation`: its effects are what the simulation has and the robot lacks; take them out of the \
+                           simulation, and leave the robot file as it is.";
+            return Err(Error::file(path, message));
+        }
+        Ok(Self { path: path.to_owned(), report })
+    }
+
+    /// Warns where the report is about another robot file, whose numbers its values are relative to.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or is one that has an effect of `names` from this report already.
+    pub fn check_file(&self, path: &Path, robot: &Robot, names: &[String]) -> Result<()> {
+        let Some(RobotFile { file, sha256 }) = &self.report.robot else { return Ok(()) };
+        if files::sha256(path)? == *sha256 {
+            return Ok(());
+        }
+        let logs = self.logs();
+        let is_in = |name: &&String| robot.calibration.iter().any(|line| line.method == super::method(name) && line.logs == logs);
+        if let Some(name) = names.iter().find(is_in) {
+            let message = format!(
+                "{name} is in it already, from a report on the same recordings, and {} was made against {file}; diagnose with this file, or \
+                 give the values after `=`.",
+                self.path.display()
+            );
+            return Err(Error::file(path, message));
+        }
+        cli::warn(&format!(
+            "{} was made against {file}, and {} is not that file: its values are relative to the numbers there; diagnose with this file, \
+             or add all effects at once.",
+            self.path.display(),
+            path.display()
+        ));
+        Ok(())
     }
 
     /// File names of the recordings that it is about, as far as it says.
     #[must_use]
     pub fn logs(&self) -> Vec<String> {
         let name = |path: &String| Path::new(path).file_name().map_or_else(|| path.clone(), |name| name.to_string_lossy().into_owned());
-        self.recordings.iter().map(name).collect()
+        self.report.recordings.iter().map(name).collect()
+    }
+
+    /// SHA-256 of each of these; empty where it does not say.
+    #[must_use]
+    pub fn sha256_of_logs(&self) -> Vec<String> {
+        let said = |k: usize| self.report.recordings_sha256.get(k).cloned().unwrap_or_default();
+        (0..self.report.recordings.len()).map(said).collect()
     }
 
     /// The blamed effect of an identifier, at a joint if one is given.
@@ -70,15 +127,18 @@ impl Diagnosis {
     /// # Errors
     /// If it is not blamed, or at several joints.
     pub fn find(&self, id: &str, joint: Option<&str>) -> Result<&Blamed> {
-        let found: Vec<&Blamed> = self.effects.iter().filter(|e| e.id == id && (joint.is_none() || e.joint.as_deref() == joint)).collect();
+        let found: Vec<&Blamed> =
+            self.report.effects.iter().filter(|e| e.id == id && (joint.is_none() || e.joint.as_deref() == joint)).collect();
         let names = |effects: &mut dyn Iterator<Item = &Blamed>| effects.map(Blamed::name).collect::<Vec<_>>().join(", ");
         let wrong = |message: String| Err(Error::file(&self.path, message));
         match found[..] {
             [only] => Ok(only),
-            [] if self.effects.is_empty() => wrong(format!("effects is empty: the report blames nothing, so it has no values for {id}.")),
+            [] if self.report.effects.is_empty() => {
+                wrong(format!("effects is empty: the report blames nothing, so it has no values for {id}."))
+            }
             [] => {
                 let at = joint.map_or_else(String::new, |joint| format!(":{joint}"));
-                let blamed = names(&mut self.effects.iter());
+                let blamed = names(&mut self.report.effects.iter());
                 wrong(format!("{id}{at} is not among its effects, which are {blamed}; add one of them, or give the values after `=`."))
             }
             _ => wrong(format!("{id} is among its effects at several places; write one of {}.", names(&mut found.iter().copied()))),

@@ -10,7 +10,7 @@ use std::io::Write;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::effects::{Effect, Scale, Sited};
-use raven::robot::{Change, Provenance, Robot};
+use raven::robot::{Change, KinematicsKind, Provenance, Robot};
 use raven::{Error, Result};
 use serde_json::json;
 
@@ -28,8 +28,9 @@ struct Sized {
     sited: Sited,
     values: Vec<f64>,
     stds: Vec<f64>,
-    /// The recordings that were diagnosed, by file name.
+    /// The recordings that were diagnosed, by file name, and SHA-256 of each.
     logs: Vec<String>,
+    sha256: Vec<String>,
 }
 
 /// Writes the robot file with the effects in it.
@@ -41,7 +42,12 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
     args.apart()?;
     let has_table = args.has_table()?;
     let output = args.output.as_deref().ok_or_else(|| Error::Argument("-o is missing: the robot file to write.".to_owned()))?;
-    let before = Robot::read(args.robot()?)?;
+    let path = args.robot()?;
+    let before = Robot::read(path)?;
+    if matches!(before.kinematics, KinematicsKind::Bench) {
+        let message = "it is a bench (kinematics.kind: bench), and effects are added to the files of arms; change its numbers by hand.";
+        return Err(Error::file(path, message));
+    }
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let diagnosis = args.diagnosis.as_deref().map(Diagnosis::read).transpose()?;
     let mut robot = before.clone();
@@ -59,6 +65,9 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
             cli::warn(&format!("{id}: its moment is a part of one recording's length; the new file is for that recording alone."));
         }
     }
+    if let Some(diagnosis) = &diagnosis {
+        diagnosis.check_file(path, &before, &names)?;
+    }
     crate::write_robot(output, &robot, out, "take other values for the effects")?;
     let changes = before.changes_to(&robot);
     let listed = &robot.effects[before.effects.len()..];
@@ -75,7 +84,7 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
 
 /// The robot with an effect, and where each changed number came from.
 fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robot> {
-    let Sized { sited, values, stds, logs } = sized;
+    let Sized { sited, values, stds, logs, sha256 } = sized;
     let mut new = sited.added_to(robot, cameras, values)?;
     // An effect that was measured has a deviation; its shapes may be as usual.
     let is_measured = stds.iter().any(|&std| std > 0.0);
@@ -94,10 +103,9 @@ fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robo
             prior,
             prior_std,
             identified: false,
-            method: format!("{BY_EFFECT}{}", name(sited, robot)),
+            method: method(&name(sited, robot)),
             logs: logs.clone(),
-            // A report names its recordings, no more.
-            sha256: vec![String::new(); logs.len()],
+            sha256: sha256.clone(),
         };
         line.identified = is_measured && is_determined(&line, robot);
         lines.push(line);
@@ -141,6 +149,11 @@ fn tolerance(robot: &Robot, sited: &Sited, prior: f64, number: impl Fn(&[f64]) -
         variance += (number(&at_spike)? - prior).powi(2);
     }
     Ok(variance.sqrt())
+}
+
+/// How a number was found that came with an effect.
+fn method(name: &str) -> String {
+    format!("{BY_EFFECT}{name}")
 }
 
 /// `ID` or `ID:JOINT`.

@@ -61,6 +61,39 @@ fn an_effect_is_added_once() {
 }
 
 #[test]
+fn a_report_is_added_once_and_to_the_file_that_it_is_about() {
+    let folder = Folder::new();
+    let sha256 = raven::files::sha256(&folder.path("robot.yaml")).unwrap();
+    let report = |robot: &str, effects_of: &str| {
+        let effects = [blamed("pulley-radius", Some("shoulder"), &[("relative_error", -0.05, 4e-4, "1")])];
+        let against = (!effects_of.is_empty()).then(|| json!({"effects_of": effects_of}));
+        let robot = json!({"file": robot, "sha256": sha256});
+        let report =
+            json!({"format": "raven-diagnosis/1", "effects": effects, "recordings": ["rich.mcap"], "against": against, "robot": robot});
+        std::fs::write(folder.path("report.json"), report.to_string()).unwrap();
+    };
+    let typed = |robot: &str, new: &str| format!("--add-effect pulley-radius --diagnosis {{report.json}} --robot {{{robot}}} -o {{{new}}}");
+    report("robot.yaml", "simulation");
+    let said = folder.identify(&typed("robot.yaml", "new.yaml")).unwrap_err();
+    assert!(said.contains("report.json: against.effects_of is `simulation`"), "{said}");
+    for effects_of in ["", "robot"] {
+        report("robot.yaml", effects_of);
+        folder.identify(&typed("robot.yaml", "new.yaml")).unwrap();
+        let said = folder.identify(&typed("new.yaml", "newer.yaml")).unwrap_err();
+        assert!(said.contains("new.yaml: pulley-radius:shoulder is in it already") && said.contains("against robot.yaml"), "{said}");
+    }
+    assert!(!folder.path("newer.yaml").exists());
+}
+
+#[test]
+fn effects_are_added_to_arms() {
+    let folder = Folder::new();
+    let bench = concat!(env!("CARGO_MANIFEST_DIR"), "/../diagnose/tests/slide.yaml");
+    let said = folder.identify(&format!("--add-effect motor-coulomb-friction:carriage=2 --robot {bench} -o {{new.yaml}}")).unwrap_err();
+    assert!(said.contains("slide.yaml: it is a bench"), "{said}");
+}
+
+#[test]
 fn values_come_from_the_report() {
     let folder = Folder::new();
     folder.report(&json!([

@@ -208,7 +208,7 @@ fn the_motion_is_known_wherever_a_sighting_is_used() {
     let mut robot = believed();
     robot.effects.push(ListedEffect { id: "clock-drift".to_owned(), joint: None, values: [("rate".to_owned(), 1e-3)].into() });
     Script { duration_s: 200.0, robot: |t| !(190.0..191.5).contains(&t), ..Script::good() }.write(&folder.path("log.mcap"));
-    let read = Recordings::read(&[folder.path("log.mcap")], &robot).unwrap();
+    let read = Recordings::read(&[folder.path("log.mcap")], &robot, None).unwrap();
     let correction = TipCorrection::of(&robot, &robot.arm().unwrap()).unwrap();
     let session = &read.sessions[0];
     for sighting in &session.sightings {

@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 use super::{Cameras, Pinhole};
 use crate::log::{CAMERAS_FILE, Recording};
 use crate::robot::Robot;
-use crate::{Error, Result, cli};
+use crate::{Error, Result};
 
 /// Two calibrations of the same cameras put a point nearer than this in their images [px] and before the robot [m], and their images nearer in
 /// time [s].
@@ -28,24 +28,18 @@ impl Cameras {
         Self::parse(&recording.path, text).ok()
     }
 
-    /// Warns of every log that was tracked with other cameras than these, which came from `path`; `None` where it does not say.
+    /// A sentence where a log was tracked with other cameras than these, which came from `path`.
     ///
     /// # Errors
-    /// If a log was tracked with cameras whose images have another size.
-    pub fn warn_if_others_tracked(&self, path: &Path, tracked: impl IntoIterator<Item = (impl AsRef<Path>, Option<Self>)>) -> Result<()> {
-        for (log, tracked) in tracked {
-            let sentence = tracked.map_or(Ok(None), |tracked| self.compared_with(path, &tracked, log.as_ref()))?;
-            sentence.iter().for_each(|sentence| cli::warn(sentence));
-        }
-        Ok(())
+    /// If it was tracked with cameras whose images have another size.
+    pub fn others_tracked(&self, path: &Path, recording: &Recording) -> Result<Option<String>> {
+        Self::of_tracked(recording).map_or(Ok(None), |tracked| self.compared_with(path, &tracked, &recording.path))
     }
 
-    /// Warns where a robot file takes a latency out of the tips of `log` that the cameras it was tracked with have taken out already.
-    pub fn warn_if_latency_counts_twice(robot: &Robot, recording: &Recording) {
-        let tracked = Self::of_tracked(recording);
-        if let Some(sentence) = tracked.and_then(|tracked| tracked.latency_beside(robot, &recording.path)) {
-            cli::warn(&sentence);
-        }
+    /// A sentence where a robot file takes a latency out of the tips of a log that the cameras it was tracked with have taken out already.
+    #[must_use]
+    pub fn latency_counts_twice(robot: &Robot, recording: &Recording) -> Option<String> {
+        Self::of_tracked(recording).and_then(|tracked| tracked.latency_beside(robot, &recording.path))
     }
 
     /// A sentence where both these cameras, with which `log` was tracked, and a robot file have a latency of the same kind.

@@ -135,6 +135,17 @@ impl Recording {
         (!words.is_empty()).then(|| format!("{}: {} were left out.", self.name(), words.join(" and ")))
     }
 
+    /// A sentence where the log says that it is of another robot than that of a robot file.
+    #[must_use]
+    pub fn of_another_robot(&self, robot: &Robot) -> Option<String> {
+        let recorded = self.session.get("robot").filter(|recorded| **recorded != robot.name)?;
+        Some(format!(
+            "{} was recorded on robot `{recorded}` by its record `session`, and the robot file is of `{}`: check that they belong together.",
+            self.path.display(),
+            robot.name
+        ))
+    }
+
     /// The name of the file, without its folder.
     #[must_use]
     pub fn name(&self) -> String {

@@ -212,9 +212,15 @@ impl Observed for Rows<'_> {
     }
 
     fn cannot_show(&self, sited: &Sited) -> Option<&'static str> {
-        let knows_lenses = self.cameras.is_some_and(|cameras| cameras.base_from_left.is_some());
-        let lacks_them = self.tip_rows() > 0 && sited.effect.needs.contains(&Need::Lenses) && !knows_lenses;
-        lacks_them.then_some("the cameras are not known; give --cameras").or_else(|| unlike_several(sited, self.data.len()))
+        let needs_lenses = self.tip_rows() > 0 && sited.effect.needs.contains(&Need::Lenses);
+        let lacking = match self.cameras {
+            None => Some("the cameras are not known; give --cameras"),
+            Some(cameras) if cameras.base_from_left.is_none() => {
+                Some("the cameras are not registered to the robot; run raven-calibrate register")
+            }
+            Some(_) => None,
+        };
+        lacking.filter(|_| needs_lenses).or_else(|| unlike_several(sited, self.data.len()))
     }
 
     fn miscounts(&self, joint: usize) -> &[f64] {
