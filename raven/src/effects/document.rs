@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::measure::UNITS;
 use super::{ALL, Above, Channel, Effect, Need, Parameter, Scale, Scope, Stage};
 
 /// The library in Markdown, one section per stage.
@@ -13,8 +14,14 @@ pub fn document() -> String {
          A prior is what is believed of a number of the effect before a recording is looked at. `+- s`, `x e^(+- s)` and `>= 0, s` are sizes: of \
          either sign, of the logarithm of a factor, above zero. Nine of ten are between 0.2 and 3 times `s`, half of them below 0.8 (log-normal). \
          `5 x e^(+- 0.5)` is a shape about 5 whose logarithm is normal with a deviation of 0.5. Where the nominal model has the number too, it \
-         is off by its tolerance in any case, and the effect is what goes beyond. Two sizes are of a revolute and a prismatic joint.\n",
+         is off by its tolerance in any case, and the effect is what goes beyond. Two sizes are of a revolute and a prismatic joint.\n\n\
+         Some units go by the robot. Sizes in them are those of a Raven; on a bench they are larger or smaller as its forces, speeds and capstan \
+         are. Reports, `--effect` and robot files have SI units.\n\n\
+         | unit | stands for |\n|---|---|\n",
     );
+    for (unit, meaning) in UNITS {
+        let _ = writeln!(text, "| {unit} | {meaning} |");
+    }
     let stages = [
         (Stage::Encoder, "Encoder"),
         (Stage::Motor, "Motor: torque to motor motion"),
@@ -111,6 +118,15 @@ fn prior(parameter: &Parameter) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_unit_is_of_the_si_or_explained() {
+        let si = ["1", "counts", "kg", "m", "rad", "s", "s/s", "1/cable stretch"];
+        for parameter in ALL.iter().flat_map(|effect| effect.parameters) {
+            let explained = UNITS.iter().any(|(unit, _)| *unit == parameter.unit);
+            assert!(explained || si.contains(&parameter.unit), "{}", parameter.unit);
+        }
+    }
 
     #[test]
     fn the_page_in_docs_is_the_library_in_the_code() {

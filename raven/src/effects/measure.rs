@@ -20,6 +20,23 @@ const CAPSTAN_M: f64 = 5.675e-3;
 /// Force of a cable under gravity [N], and stretch under it [m].
 const CABLE: Load = Load { force_n: 10.0, stretch_m: 2e-4 };
 
+/// Units of the library that go by the robot, and what they are.
+pub const UNITS: [(&str, &str); 13] = [
+    ("joint", "rad, or m of a prismatic joint"),
+    ("joint/rad", "rad, or m of a prismatic joint, per rad of the other joint"),
+    ("joint force", "N m, or N of a prismatic joint"),
+    ("joint viscosity", "N m s, or N s/m of a prismatic joint"),
+    ("joint compliance", "rad/(N m), or m/N of a prismatic joint"),
+    ("shaft torque", "N m on the motor's shaft"),
+    ("shaft viscosity", "N m s on the motor's shaft"),
+    ("shaft inertia", "kg m^2 on the motor's shaft"),
+    ("motor speed", "rad/s of the motor's shaft"),
+    ("drive torque", "N m after the gear box"),
+    ("capstan length", "m of cable at the capstan"),
+    ("cable load", "parts of what the joint's cable bears under gravity [N]"),
+    ("cable stretch", "parts of by how much it stretches under that [m]; `1/cable stretch` its inverse"),
+];
+
 /// What a cable bears.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Load {

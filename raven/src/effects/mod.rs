@@ -127,7 +127,7 @@ pub enum Element {
     Gap,
 }
 
-/// Values of an effect that does about the same as another one at its place of a robot with its values.
+/// From an effect's values at a place of a robot, those of the tied effect that changes a recording about equally.
 pub type Alike = fn(&Robot, Place, &[f64]) -> Vec<f64>;
 
 /// Another effect that looks alike. One that is exactly tied may be no effect of the library.
@@ -135,9 +135,9 @@ pub type Alike = fn(&Robot, Place, &[f64]) -> Vec<f64>;
 pub struct Tie {
     /// Its identifier.
     pub id: &'static str,
-    /// What tells them apart where no recording of motors and tip can: if their numbers are of one unit.
+    /// What to measure instead where no recording of motors and tip tells them apart, which is so if their numbers are of one unit.
     pub exact: Option<&'static str>,
-    /// The values with which it does about the same, by those of this effect; `None` where that is not known.
+    /// Its values that change a recording about as those of this effect do; `None` where they are not known.
     pub values: Option<Alike>,
 }
 
