@@ -132,6 +132,18 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Observed for Seen<R> {
 }
 
 #[test]
+fn what_the_files_tolerances_bear_at_any_usual_size_is_not_named() {
+    let named = |hard_stop: f64| {
+        let mut rows = Seen::new(&[("joint-offset", [2, 0])], moved_by(|u| u[0], 1.2, f64::NEG_INFINITY));
+        rows.robot.tolerances.hard_stop = hard_stop;
+        rows.named()
+    };
+    assert_eq!(named(1e-4), ["joint-offset"]);
+    // Of the insertion a third of it in metres, and twenty millimetres are eight times the usual size of an offset.
+    assert!(named(0.06).is_empty());
+}
+
+#[test]
 fn no_effect_is_looked_for_beside_itself_or_what_is_the_same() {
     // A tool's length is the offset of the insertion.
     let effects = [("tool-length", [0, 0]), ("joint-offset", [2, 0]), ("cable-coupling", [0, 1])];
