@@ -267,8 +267,7 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
 fn doubts<'a>(robot: &Robot, cameras: Option<(&Cameras, &Path)>, recordings: impl Iterator<Item = &'a Recording>) -> Result<Vec<String>> {
     let mut sentences = Vec::new();
     for recording in recordings {
-        let others = cameras.map_or(Ok(None), |(cameras, path)| cameras.others_tracked(path, recording))?;
-        sentences.extend(recording.of_another_robot(robot).into_iter().chain(others));
+        sentences.extend(Cameras::doubts(cameras, robot, recording)?);
         sentences.extend(Cameras::latency_counts_twice(robot, recording));
     }
     Ok(sentences)

@@ -66,8 +66,7 @@ impl Recordings {
 
     fn add(&mut self, path: &Path, robot: &Robot, cameras: Option<(&Cameras, &Path)>) -> Result<()> {
         let recording = Recording::of_robot(path, robot)?;
-        let others = cameras.map_or(Ok(None), |(cameras, cameras_path)| cameras.others_tracked(cameras_path, &recording))?;
-        self.doubts.extend(recording.of_another_robot(robot).into_iter().chain(others));
+        self.doubts.extend(Cameras::doubts(cameras, robot, &recording)?);
         let motion = Motion::new(recording.motor_track()?, recording.require_motor()?.longest_joined_s())
             .ok_or_else(|| Error::file(path, "the log has a single robot message; an estimate needs a motion."))?;
         let seen: Vec<(f64, &TipObservation)> = recording

@@ -132,9 +132,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let mut summaries = Vec::new();
     for path in &args.logs {
         let recording = Recording::of_robot(path, &robot)?;
-        let others = cameras.as_ref().map_or(Ok(None), |(cameras_path, cameras)| cameras.others_tracked(cameras_path, &recording))?;
-        let doubts = recording.of_another_robot(&robot).into_iter().chain(others);
-        doubts.chain(Cameras::latency_counts_twice(&robot, &recording)).for_each(|sentence| cli::warn(&sentence));
+        let doubts = Cameras::doubts(cameras.as_ref().map(|(path, cameras)| (cameras, *path)), &robot, &recording)?;
+        doubts.into_iter().chain(Cameras::latency_counts_twice(&robot, &recording)).for_each(|sentence| cli::warn(&sentence));
         let (estimates, filter) = estimate::estimate(&recording, &robot, &settings)?;
         if let Some(reference) = &recording.joint_encoders {
             raven::observation::three_joints(reference, &recording)?;

@@ -108,8 +108,9 @@ fn smooth(stamps_s: &[f64], median_interval_s: f64, noise: Noise) -> Smoothed {
         variance += noise.wander * steps;
         before.push((mean, variance));
         let miss = seen - mean;
-        is_late.push(miss * miss > GATE_SIGMAS * GATE_SIGMAS * (variance + noise.scatter));
-        if is_late.last() == Some(&false) {
+        let late = miss * miss > GATE_SIGMAS * GATE_SIGMAS * (variance + noise.scatter);
+        is_late.push(late);
+        if !late {
             let gain = variance / (variance + noise.scatter);
             mean += gain * miss;
             variance *= 1.0 - gain;
@@ -140,8 +141,7 @@ fn smooth(stamps_s: &[f64], median_interval_s: f64, noise: Noise) -> Smoothed {
 /// its frame is then the one before that of the next stamp.
 fn numbers(stamps_s: &[f64], median_interval_s: f64) -> Vec<f64> {
     // The median of single steps is a multiple of the clock's resolution.
-    let far: Vec<f64> = stamps_s.windows(FAR + 1).map(|w| w[FAR] - w[0]).collect();
-    let far_s = median(&far).unwrap_or(median_interval_s);
+    let far_s = median(&steps(stamps_s, FAR)).unwrap_or(median_interval_s);
     let interval_s = far_s / (far_s / median_interval_s).round().max(1.0);
     // Where in the interval stamps lie, of the first ones: on a circle, as any of them may be late.
     let turns = stamps_s[..FEWEST.min(stamps_s.len())].iter().map(|t| std::f64::consts::TAU * ((t - stamps_s[0]) / interval_s).fract());
@@ -177,10 +177,15 @@ fn slope(number: &[f64], stamps_s: &[f64]) -> f64 {
     line(&|k| misses[k] <= GATE_SIGMAS * usual).0
 }
 
+/// Steps over `m` frames [s].
+fn steps(stamps_s: &[f64], m: usize) -> Vec<f64> {
+    stamps_s.windows(m + 1).map(|w| w[m] - w[0]).collect()
+}
+
 /// Robust standard deviation of the steps over `m` frames about whole multiples of the interval [s].
 fn step_scatter(stamps_s: &[f64], m: usize) -> Option<f64> {
     let interval = median_step(stamps_s).filter(|&interval| interval > 0.0)?;
-    let steps: Vec<f64> = stamps_s.windows(m + 1).map(|w| w[m] - w[0]).collect();
+    let steps = steps(stamps_s, m);
     // The usual step over m frames; those with a missing frame in them are longer by whole intervals.
     let usual = median(&steps)?;
     let off: Vec<f64> = steps.iter().map(|step| step - usual - interval * ((step - usual) / interval).round()).collect();

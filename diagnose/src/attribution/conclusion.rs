@@ -57,6 +57,7 @@ pub(super) fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(
     let deviations = fitter.deviations(closing);
     let sited: Vec<Sited> = blamed.iter().flat_map(|best| &best.effects).map(|&effect| fitter.coordinates.sited[effect]).collect();
     let probability_outside = unknown::with_outside(&mut probabilities, word, &sited);
+    // Folded from zero: the sum of none is -0, which sorts and prints as less.
     let with = |effect: usize| probabilities.iter().filter(|(set, _)| set.contains(&effect)).map(|(_, p)| p).fold(0.0, |sum, p| sum + p);
     let mut effects = Vec::new();
     if let Some(best) = blamed {

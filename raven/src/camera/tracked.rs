@@ -28,12 +28,16 @@ impl Cameras {
         Self::parse(&recording.path, text).ok()
     }
 
-    /// A sentence where a log was tracked with other cameras than these, which came from `path`.
+    /// Sentences where a log says that it is of another robot, or was tracked with other cameras than those that came from a file.
     ///
     /// # Errors
     /// If it was tracked with cameras whose images have another size.
-    pub fn others_tracked(&self, path: &Path, recording: &Recording) -> Result<Option<String>> {
-        Self::of_tracked(recording).map_or(Ok(None), |tracked| self.compared_with(path, &tracked, &recording.path))
+    pub fn doubts(cameras: Option<(&Self, &Path)>, robot: &Robot, recording: &Recording) -> Result<Vec<String>> {
+        let others = match (cameras, Self::of_tracked(recording)) {
+            (Some((cameras, path)), Some(tracked)) => cameras.compared_with(path, &tracked, &recording.path)?,
+            _ => None,
+        };
+        Ok(recording.of_another_robot(robot).into_iter().chain(others).collect())
     }
 
     /// A sentence where a robot file takes a latency out of the tips of a log that the cameras it was tracked with have taken out already.

@@ -89,7 +89,7 @@ pub(super) fn motion_tracks(
     motions: &mut [Channel],
     drives: &dyn Drives,
     shafts: &[Shaft],
-    noise: &dyn Fn(usize) -> f64,
+    noise: &[f64],
     factors: &dyn Fn(usize, &[Shaft]) -> Factors,
 ) {
     let horizons: Vec<f64> = HORIZONS_S.into_iter().flatten().collect();
@@ -100,7 +100,7 @@ pub(super) fn motion_tracks(
             channel.tracks.push(Track {
                 time_s: ends.iter().map(|shaft| shaft.time_s).collect(),
                 error: missed.iter().map(|missed| missed.away[j]).collect(),
-                noise: missed.iter().map(|missed| missed.by_method[j].hypot(missed.per_torque[j] * noise(j))).collect(),
+                noise: missed.iter().map(|missed| missed.by_method[j].hypot(missed.per_torque[j] * noise[j])).collect(),
                 factors: factors(j, &ends),
             });
         }
@@ -108,10 +108,9 @@ pub(super) fn motion_tracks(
 }
 
 /// Noise of each joint's torque in the recording that was added last; zero where none of its samples counts.
-pub(super) fn last_noise(torques: &[Channel]) -> impl Fn(usize) -> f64 + use<> {
+pub(super) fn last_noise(torques: &[Channel]) -> Vec<f64> {
     let of = |channel: &Channel| channel.tracks.last().and_then(|track| track.noise.first().copied()).unwrap_or(0.0);
-    let noise: Vec<f64> = torques.iter().map(of).collect();
-    move |j| noise[j]
+    torques.iter().map(of).collect()
 }
 
 /// Torque or force and motion of a bench's drives, where torque was recorded.
