@@ -8,7 +8,7 @@
 //! radii            10 %                      cables, friction   a factor of three
 //! hysteresis       0.5 deg, 1 mm             latency            0.1 s
 //! hard stops       the robot file's tolerance, and what homing may stretch
-//! couplings, link angles, tool length, clock drift      the robot file's tolerances
+//! couplings, and every other number of the robot file that moves the tip      the robot file's tolerances
 //! rotation         how well the mount is set         translation   the hard stop's registration
 //! disparity        what the calibration leaves unknown, constant over the image; scale likewise; the offset as the epipolar lines have it
 //! ```
@@ -17,14 +17,14 @@
 //! Solver, misfit of each joint and blocks of alike residuals are those of `raven-identify`.
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
-use raven::camera::{Cameras, Quality, SYSTEMATIC};
+use raven::camera::{Cameras, Quality};
 use raven::robot::{Observation, Robot};
 use raven::{Error, Result};
 use raven_identify::parameters::{Quantity, Selection};
 use raven_identify::priors::{self, Unknown};
 use raven_identify::problem::{Flaw, Problem};
 use raven_identify::session::Session;
-use raven_identify::systematic;
+use raven_identify::systematic::Systematic;
 
 use crate::desync::{Desync, desync};
 use crate::hard_stop::HOMING_STRETCH;
@@ -103,14 +103,16 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
              --marker-radius, and that the mount is that of --rotation."
         )));
     }
-    let mut flaws = flaws(cameras, &before.base_from_left, &taken, offset.std_s);
+    let by_offset = |taken: &Taken| taken.moved_by(cameras, &before.base_from_left, |right| -offset.std_s * right.velocity);
+    let by_offset: Flaw = taken.iter().flat_map(by_offset).collect();
+    let roughly = Cameras { base_from_left: Some(before.base_from_left), ..cameras.clone() };
     let sessions: Vec<Session> = taken.into_iter().map(|taken| taken.session).collect();
     // What an identification found out about the cameras before is found out anew.
     let mut robot = robot.clone();
     robot.observation = Observation::default();
-    flaws.extend(beyond(&robot, &sessions)?);
     let solve = |unknowns: &[Unknown]| {
-        let mut problem = Problem::new(&robot, unknowns, &sessions)?.with_flaws(flaws.clone());
+        let systematic = Systematic::of(vec![Some(roughly.clone()); sessions.len()]);
+        let mut problem = Problem::new(&robot, unknowns, &sessions)?.with_flaws(vec![by_offset.clone()]).beside(systematic)?;
         let estimate = problem.estimate_all()?;
         let found = problem.robot(&estimate.z).observation;
         Ok((estimate, found, problem.misfit()))
@@ -138,7 +140,8 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
         let value = unknown.value(estimate.z[k]);
         (unknown.quantity.name(), value, unknown.std(value, estimate.std[k]), unknown.prior)
     };
-    let of_offset = unknowns.len() + OFFSET;
+    // The flaw that is given comes first.
+    let of_offset = unknowns.len();
     let middle = sessions.iter().flat_map(|s| &s.sightings).map(|s| s.position_m).sum::<Vector3<f64>>() / sightings as f64;
     Ok(FromMotion {
         base_from_left: about_pivot * before.base_from_left,
@@ -198,46 +201,6 @@ fn unknowns(robot: &Robot, before: &Before) -> Result<Vec<Unknown>> {
         }
     }
     Ok(unknowns)
-}
-
-/// Which of the flaws is the offset between the cameras.
-const OFFSET: usize = SYSTEMATIC;
-
-/// What the cameras may have wrong: disparity, scale, what changes with the place in the images, and what the epipolar lines leave of the offset.
-fn flaws(cameras: &Cameras, base_from_left: &Isometry3<f64>, taken: &[Taken], offset_std_s: f64) -> Vec<Flaw> {
-    let roughly = Cameras { base_from_left: Some(*base_from_left), ..cameras.clone() };
-    let placed = taken.iter().flat_map(|taken| &taken.session.sightings).map(|sighting| (sighting, Some(&roughly)));
-    let offset = taken.iter().flat_map(|taken| taken.moved_by(cameras, base_from_left, |right| -offset_std_s * right.velocity));
-    systematic::flaws(placed).into_iter().chain([offset.collect()]).collect()
-}
-
-/// Number of what the robot may have wrong that is no unknown of `raven-identify`.
-const BEYOND: usize = 4;
-/// Half of the time over which the tip's velocity is taken [s].
-const STEP_S: f64 = 0.01;
-
-/// How far link angles, tool length and clocks that are off by a tolerance move the tip.
-fn beyond(robot: &Robot, sessions: &[Session]) -> Result<Vec<Flaw>> {
-    let arm = robot.arm()?;
-    let tolerances = &robot.tolerances;
-    let mut bent = [arm.kinematics; BEYOND - 1];
-    bent[0].link_angle_12 += tolerances.link_angle_rad;
-    bent[1].link_angle_23 += tolerances.link_angle_rad;
-    bent[2].wrist_offset += tolerances.tool_length_m;
-    let mut all = vec![Vec::new(); BEYOND];
-    for session in sessions {
-        let joints = |time_s: f64| arm.transmission.joint_from_motor(&session.motion.angle_rad(time_s));
-        for sighting in &session.sightings {
-            let at = joints(sighting.time_s);
-            for (column, bent) in all.iter_mut().zip(&bent) {
-                column.push(bent.forward(&at) - arm.kinematics.forward(&at));
-            }
-            let tip = |time_s: f64| arm.kinematics.forward(&joints(time_s));
-            let velocity = (tip(sighting.time_s + STEP_S) - tip(sighting.time_s - STEP_S)) / (2.0 * STEP_S);
-            all[BEYOND - 1].push(velocity * (tolerances.clock_drift * sighting.time_s));
-        }
-    }
-    Ok(all)
 }
 
 /// The covariance of some unknowns, from prior deviations to SI.

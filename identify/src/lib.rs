@@ -27,6 +27,7 @@ pub mod registration;
 pub mod report;
 pub mod session;
 pub mod systematic;
+pub mod tolerances;
 
 use std::io::Write;
 use std::path::Path;
@@ -80,9 +81,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     recordings.doubts.iter().for_each(|sentence| cli::warn(sentence));
     let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
     args.plots(&unknowns)?;
-    let tracked: Vec<Option<&Cameras>> = recordings.tracked.iter().map(Option::as_ref).collect();
-    let systematic = Systematic::of(&recordings.sessions, &tracked);
-    let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?.with_flaws(systematic.flaws.clone());
+    let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?.beside(Systematic::of(recordings.tracked.clone()))?;
     let spinner = cli::spinner("estimating");
     let estimate = match sharing {
         None => problem.estimate().map(|estimate| (estimate, None)),
@@ -99,12 +98,13 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
     let mut report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
     report.identifiability = Some(identifiability);
-    report.cameras = systematic.found(&estimate, unknowns.len());
+    report.tolerances = problem.tolerances_found(&estimate);
+    report.cameras = problem.cameras_found(&estimate);
 
     if let Some(path) = &args.output {
         let method = identified::remarked(args.method.name(), report.misfit());
         let mut new = identified::identified(&robot, &findings, problem.held(), &method, &recordings.sessions)?;
-        let pose = registration::left_unknown(&robot.arm()?, &unknowns, &systematic.flaws, &recordings.sessions, &estimate);
+        let pose = registration::left_unknown(&robot.arm()?, &unknowns, problem.flaws_of_cameras(), &recordings.sessions, &estimate);
         new.observation = pose.map_or(new.observation, |pose| new.observation.with_pose_covariance(&pose));
         write_robot(path, &new, out, "estimate it from another recording, or leave it out of --parameters")?;
     }

@@ -22,6 +22,7 @@ use raven::robot::{LinkModel, LinkState, Robot};
 use rayon::prelude::*;
 
 use crate::motion::Motion;
+use crate::session::Session;
 
 /// Sightings whose rollout is one piece of work.
 const PART: usize = 300;
@@ -73,6 +74,22 @@ impl Predictor {
     pub fn seen_lagging_m(&self, driving: &Motion, time_s: f64, lag: &Vector3<f64>) -> Vector3<f64> {
         let joints = self.joints(driving, self.correction.shown_at_s(time_s)) + lag;
         self.correction.seen_m(&self.model.arm().kinematics.forward(&joints))
+    }
+
+    /// Where all tips of a session should have been seen [m], the joints at rest.
+    #[must_use]
+    pub fn session_m(&self, session: &Session) -> Vec<Vector3<f64>> {
+        let driving = self.driving(&session.motion);
+        session.sightings.iter().map(|sighting| self.seen_m(&driving, sighting.time_s)).collect()
+    }
+
+    /// The same by a rollout.
+    #[must_use]
+    pub fn rolled_session_m(&self, session: &Session) -> Vec<Vector3<f64>> {
+        let driving = self.driving(&session.motion);
+        let times_s = session.times_s();
+        let seen_m = |(&time_s, lag): (&f64, &Vector3<f64>)| self.seen_lagging_m(&driving, time_s, lag);
+        times_s.iter().zip(&self.lag(&session.motion, &times_s)).map(seen_m).collect()
     }
 
     /// How that moves with the joints, 3x3 [m/rad, m/rad, 1].

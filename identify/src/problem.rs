@@ -15,6 +15,7 @@
 //! estimate at rest and kept. With a cable's stiffness or damping or a joint's friction among the unknowns every prediction comes from
 //! rollouts of its own: behind a soft cable the lag is a large part of what there is to see of them.
 
+mod beside;
 mod held;
 mod rolled;
 
@@ -34,6 +35,8 @@ use crate::parameters::Quantity;
 use crate::prediction::Predictor;
 use crate::priors::Unknown;
 use crate::session::{Session, Sighting, whitening};
+use beside::Beside;
+pub use beside::Flaw;
 pub use held::HeldPart;
 use rolled::Rolled;
 
@@ -65,15 +68,13 @@ pub struct Problem<'a> {
     /// Per sighting, what makes its residual one of unit covariance [1/m].
     whiten: Vec<Matrix3<f64>>,
     joints: Joints,
-    /// What observations may have in common, see [`Problem::with_flaws`].
+    /// What is unknown beside, and how it moves the sightings.
+    beside: Beside,
     flaws: Vec<Flaw>,
     /// What took rollouts, and where.
     rolled: Arc<Mutex<Rolled>>,
     held: Vec<HeldPart>,
 }
-
-/// Per sighting of all sessions, how far one prior deviation of a flaw of the cameras moves where the tip is seen, frame 0 [m].
-pub type Flaw = Vec<Vector3<f64>>;
 
 /// How far predictions take the joints to be from where the cables hold them at rest.
 #[derive(Debug, Clone)]
@@ -99,17 +100,20 @@ impl<'a> Problem<'a> {
         for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
-        let (whiten, flaws, joints, rolled, held) = (Vec::new(), Vec::new(), Joints::AtRest, Arc::default(), Vec::new());
-        let mut problem = Self { anchored, unknowns, sessions, misfit: MISFIT_START, whiten, joints, flaws, rolled, held };
+        let mut problem = Self {
+            anchored,
+            unknowns,
+            sessions,
+            misfit: MISFIT_START,
+            whiten: Vec::new(),
+            joints: Joints::AtRest,
+            beside: Beside::default(),
+            flaws: Vec::new(),
+            rolled: Arc::default(),
+            held: Vec::new(),
+        };
         problem.weigh(&DVector::zeros(unknowns.len()))?;
         Ok(problem)
-    }
-
-    /// With flaws of the cameras as further unknowns, after those of the robot and in units of their prior deviation.
-    #[must_use]
-    pub fn with_flaws(mut self, flaws: Vec<Flaw>) -> Self {
-        self.flaws = flaws;
-        self
     }
 
     /// The robot at `z` prior deviations from its file.
@@ -179,7 +183,7 @@ impl<'a> Problem<'a> {
         batch::estimate(self, may_hold, &z)
     }
 
-    /// Which unknowns [may be held](crate::parameters::Quantity::may_hold); no flaw of the cameras may.
+    /// Which unknowns [may be held](crate::parameters::Quantity::may_hold); no flaw may.
     pub(crate) fn may_hold(&self) -> Vec<bool> {
         self.unknowns.iter().map(|unknown| unknown.quantity.may_hold()).chain(self.flaws.iter().map(|_| false)).collect()
     }
@@ -202,6 +206,7 @@ impl<'a> Problem<'a> {
 
     /// The same from where the values are near, joints lagging or rolling from the outset.
     fn refine(&mut self, z: &mut DVector<f64>) -> Result<()> {
+        self.look_from(z)?;
         for _ in 0..LAGS {
             let predictor = Predictor::new(&self.robot(z))?;
             self.joints = Joints::Lagging(self.rollout(&predictor));
@@ -287,14 +292,11 @@ impl<'a> Problem<'a> {
 
     /// What rollouts add to the joints at rest.
     fn rollout(&self, predictor: &Predictor) -> Vec<Vector3<f64>> {
-        let of_session = |session: &Session| {
-            let times_s: Vec<f64> = session.sightings.iter().map(|s| s.time_s).collect();
-            predictor.lag(&session.motion, &times_s)
-        };
+        let of_session = |session: &Session| predictor.lag(&session.motion, &session.times_s());
         self.sessions.iter().flat_map(of_session).collect()
     }
 
-    /// Prediction, with the cameras' flaws, less sighting [m].
+    /// Prediction, with its flaws, less sighting [m].
     fn errors(&self, predictor: &Predictor, lag: &Lag, z: &DVector<f64>) -> Vec<Vector3<f64>> {
         let mut errors = Vec::with_capacity(self.whiten.len());
         for session in self.sessions {
@@ -306,16 +308,6 @@ impl<'a> Problem<'a> {
             }
         }
         errors
-    }
-
-    /// How far the cameras' flaws move where the tip is seen, at one of the sightings of all recordings [m].
-    pub(crate) fn flawed_m(&self, sighting: usize, z: &DVector<f64>) -> Vector3<f64> {
-        self.flaws.iter().zip(z.iter().skip(self.unknowns.len())).map(|(flaw, &z)| flaw[sighting] * z).sum()
-    }
-
-    /// The flaw that is an unknown; `None` of the robot's. Predictions go straight by it.
-    fn flaw(&self, k: usize) -> Option<&Flaw> {
-        self.flaws.get(k.checked_sub(self.unknowns.len())?)
     }
 
     fn derivatives(&self, z: &DVector<f64>, columns: &[usize], whiten: &[Matrix3<f64>]) -> Result<Jacobian> {

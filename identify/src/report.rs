@@ -13,6 +13,7 @@ use crate::identified::Finding;
 use crate::misfit::FALSE_CHANCE;
 use crate::parameters::Quantity;
 use crate::systematic::Found;
+use crate::tolerances;
 
 /// Mean normalised square above which the model lacks something: twice what noise alone gives.
 const NIS_HIGH: f64 = 6.0;
@@ -26,6 +27,8 @@ pub struct Report {
     pub parameters: Vec<Line>,
     /// What the cameras have wrong in all images alike; null where the logs do not say which cameras placed their tips.
     pub cameras: Option<Found>,
+    /// What the logs say of the file's numbers that nobody asked for.
+    pub tolerances: Vec<tolerances::Found>,
     /// What the logs can say, where it was asked.
     pub identifiability: Option<Identifiability>,
     /// Mean of the sightings' squared residuals, normalised by their covariance; 3 if the model explains all but the noise.
@@ -124,6 +127,7 @@ impl Report {
         Self {
             parameters: findings.iter().map(line).collect(),
             cameras: None,
+            tolerances: Vec::new(),
             identifiability: None,
             nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
             sightings: squares.len(),
@@ -201,6 +205,12 @@ impl Report {
                 warnings
                     .push(format!("the cameras' {what} is {off:.1} deviations from what their calibration says; calibrate them again."));
             }
+        }
+        for found in self.tolerances.iter().filter(|found| found.tolerances_off.abs() > CONTRADICTION) {
+            let (effect, number, off) = (&found.effect, found.parameter, found.tolerances_off.abs());
+            warnings.push(format!(
+                "{effect} ({number}), which nobody asked for, is {off:.1} of the file's tolerances off; estimate it too, or write down how well it is known."
+            ));
         }
         warnings.extend(self.misfit());
         warnings

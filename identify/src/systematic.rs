@@ -10,13 +10,12 @@ use serde::Serialize;
 
 use crate::batch::Estimate;
 use crate::problem::Flaw;
-use crate::session::{Session, Sighting};
 
-/// The flaws of a problem, and what one prior deviation of each is.
-#[derive(Debug, Clone)]
+/// The cameras that placed the tips of sessions, and what one prior deviation of each flaw is.
+#[derive(Debug, Clone, Default)]
 pub struct Systematic {
-    /// Disparity, scale, and what changes with the place in the images; none where no recording says which cameras placed its tips.
-    pub flaws: Vec<Flaw>,
+    /// One per session; none where it does not say.
+    placed_by: Vec<Option<Cameras>>,
     std: Option<camera::Systematic>,
 }
 
@@ -30,29 +29,34 @@ pub struct Found {
 }
 
 impl Systematic {
-    /// Of recordings, each with the cameras that it was tracked with where it says so.
+    /// Of the cameras with which each session was tracked, where it says so.
     #[must_use]
-    pub fn of(sessions: &[Session], tracked: &[Option<&Cameras>]) -> Self {
-        let std = tracked.iter().flatten().next().map(|cameras| cameras.systematic());
-        let placed =
-            sessions.iter().zip(tracked).flat_map(|(session, &cameras)| session.sightings.iter().map(move |sighting| (sighting, cameras)));
-        Self { flaws: std.map_or_else(Vec::new, |_| flaws(placed).to_vec()), std }
+    pub fn of(placed_by: Vec<Option<Cameras>>) -> Self {
+        Self { std: placed_by.iter().flatten().next().map(Cameras::systematic), placed_by }
     }
 
-    /// What an estimate of `unknowns` numbers of the robot says beside them.
+    /// How many flaws there are: none where no session says which cameras placed its tips.
+    pub(crate) fn len(&self) -> usize {
+        self.std.map_or(0, |_| SYSTEMATIC)
+    }
+
+    /// Disparity, scale, and what changes with the place in the images, for tips of each session at `tips_m` [m, frame 0]. Of a tip that no cameras
+    /// placed nothing is known to be wrong.
     #[must_use]
-    pub fn found(&self, estimate: &Estimate, unknowns: usize) -> Option<Found> {
+    pub fn flaws(&self, tips_m: &[Vec<Vector3<f64>>]) -> Vec<Flaw> {
+        let mut flaws = vec![Flaw::new(); self.len()];
+        let placed = tips_m.iter().zip(&self.placed_by).flat_map(|(tips_m, cameras)| tips_m.iter().map(move |tip_m| (tip_m, cameras)));
+        for (tip_m, cameras) in placed {
+            let moved = cameras.as_ref().and_then(|cameras| cameras.moved_by(&cameras.systematic(), tip_m));
+            flaws.iter_mut().zip(moved.unwrap_or([Vector3::zeros(); SYSTEMATIC])).for_each(|(flaw, moved)| flaw.push(moved));
+        }
+        flaws
+    }
+
+    /// What an estimate says of them, of whose unknowns they are those from `first` on.
+    #[must_use]
+    pub fn found(&self, estimate: &Estimate, first: usize) -> Option<Found> {
         let of = |k: usize, std: f64| [estimate.z[k] * std, estimate.std[k] * std, std];
-        self.std.map(|std| Found { disparity_px: of(unknowns, std.disparity_px), scale: of(unknowns + 1, std.scale) })
+        self.std.map(|std| Found { disparity_px: of(first, std.disparity_px), scale: of(first + 1, std.scale) })
     }
-}
-
-/// What cameras have wrong alike, as flaws, for sightings each with the cameras that placed it. Of a sighting without cameras nothing is known to be wrong.
-pub fn flaws<'a>(placed: impl IntoIterator<Item = (&'a Sighting, Option<&'a Cameras>)>) -> [Flaw; SYSTEMATIC] {
-    let mut flaws = [const { Flaw::new() }; SYSTEMATIC];
-    for (sighting, cameras) in placed {
-        let moved = cameras.and_then(|cameras| cameras.moved_by(&cameras.systematic(), &sighting.position_m));
-        flaws.iter_mut().zip(moved.unwrap_or([Vector3::zeros(); SYSTEMATIC])).for_each(|(flaw, moved)| flaw.push(moved));
-    }
-    flaws
 }

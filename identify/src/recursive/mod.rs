@@ -40,10 +40,12 @@ const FORGOTTEN_S: f64 = 1.0;
 /// # Errors
 /// If the model cannot be evaluated at the outcome.
 pub fn estimate(problem: &mut Problem, sharing: Sharing) -> Result<(Estimate, Trace)> {
-    let run = match sharing {
-        Sharing::Dual(horizon) => dual::run(problem, horizon)?,
-        Sharing::Joint => joint::run(problem)?,
-    };
+    let mut run = pass(problem, sharing)?;
+    if problem.is_beside() {
+        // Flaws are those about the first pass's outcome.
+        problem.look_from(&run.posterior.z)?;
+        run = Run { trace: run.trace, ..pass(problem, sharing)? };
+    }
     let posterior = run.posterior.held_at_priors(&problem.may_hold());
     let tempering = run.scatter.tempering();
     problem.adopt(run.scatter.misfit(), &posterior.z)?;
@@ -52,6 +54,13 @@ pub fn estimate(problem: &mut Problem, sharing: Sharing) -> Result<(Estimate, Tr
     let (identified, covariance) = (posterior.identified(&std), posterior.covariance(tempering));
     let estimate = Estimate { z: posterior.z, std, covariance, identified, residuals, scale: 1.0, tempering };
     Ok((estimate, run.trace.widened(tempering)))
+}
+
+fn pass(problem: &Problem, sharing: Sharing) -> Result<Run> {
+    match sharing {
+        Sharing::Dual(horizon) => dual::run(problem, horizon),
+        Sharing::Joint => joint::run(problem),
+    }
 }
 
 /// What a pass over the logs leaves.

@@ -12,3 +12,4 @@ mod simulated;
 mod soft_cables;
 mod systematic;
 mod virtual_robot;
+mod within_tolerances;

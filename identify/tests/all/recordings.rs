@@ -194,11 +194,14 @@ fn a_dash_is_standard_output_and_the_table_makes_way() {
 fn gaps_cost_the_sightings_next_to_them() {
     let folder = Folder::new();
     Script { robot: |t| !(5.0..6.5).contains(&t), ..Script::good() }.write(&folder.path("log.mcap"));
-    let (outcome, table) = folder.run(&["log.mcap", "--robot", "robot.yaml"]).unwrap();
+    let (outcome, table) = folder.run(&["log.mcap", "--robot", "robot.yaml", "--json", "result.json"]).unwrap();
     assert_eq!(outcome, Outcome::DataLost);
     let sightings: usize = table.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!((265..275).contains(&sightings), "300 less 1.7 s of 15 Hz and the ends: {table}");
-    assert!(table.contains("-5.2"), "{table}");
+    let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(folder.path("result.json")).unwrap()).unwrap();
+    let found = &result["parameters"][0];
+    let number = |key: &str| found[key].as_f64().unwrap();
+    assert!((number("value") - 0.0598).abs() < 4.0 * number("std") && number("std") < 1e-4, "{found}");
 }
 
 /// Clocks that run apart: the motion must be known where an image shows it.

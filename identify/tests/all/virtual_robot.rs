@@ -90,6 +90,40 @@ impl Case {
         Problem::new(&self.robot, &self.unknowns, &[]).unwrap().robot(z)
     }
 
+    /// The same with every number of the file that moves the tip, and that nobody asked for, off within its tolerance.
+    pub fn within_tolerances(&self, truth: &Robot, random: &mut ChaCha8Rng) -> Robot {
+        let mut robot = truth.clone();
+        let t = &self.robot.tolerances;
+        let factor = |key: &str, tolerance: f64| (key.to_owned(), true, tolerance);
+        let offset = |key: &str, tolerance: f64| (key.to_owned(), false, tolerance);
+        let mut numbers = vec![
+            offset("kinematics.link_angle_12", t.link_angle_rad),
+            offset("kinematics.link_angle_23", t.link_angle_rad),
+            offset("kinematics.wrist_offset", t.tool_length_m),
+            offset("cable_coupling.shoulder.elbow", t.cable_coupling),
+            offset("cable_coupling.shoulder.insertion", t.cable_coupling / 3.0),
+            offset("cable_coupling.elbow.insertion", t.cable_coupling / 3.0),
+        ];
+        for joint in &self.robot.joints {
+            let key = |number: &str| format!("joints.{}.{number}", joint.name);
+            numbers.extend([
+                factor(&key("link_pulley_radius"), t.radius),
+                offset(&key("hard_stop"), t.hard_stop_of(joint.kind)),
+                factor(&key("cable.stiffness"), t.stiffness),
+                factor(&key("cable.damping"), t.damping),
+                factor(&key("link_friction.coulomb"), t.link_friction),
+                factor(&key("link_friction.viscous"), t.link_friction),
+            ]);
+        }
+        numbers.retain(|(key, ..)| self.unknowns.iter().all(|unknown| unknown.key != *key));
+        for (key, is_factor, tolerance) in numbers {
+            let normal: f64 = StandardNormal.sample(random);
+            let number = robot.value_mut(&key).unwrap();
+            *number = if is_factor { *number * (tolerance * normal).exp() } else { *number + tolerance * normal };
+        }
+        robot
+    }
+
     pub fn estimate(&self, sessions: &[Session]) -> Estimate {
         Problem::new(&self.robot, &self.unknowns, sessions).unwrap().estimate().unwrap()
     }

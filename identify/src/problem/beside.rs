@@ -1,0 +1,100 @@
+//! What is unknown beside the numbers that are asked about, and moves many sightings alike: flaws.
+
+use nalgebra::{DVector, Vector3};
+use raven::Result;
+use raven::robot::Robot;
+
+use super::Problem;
+use crate::batch::{Estimate, Residuals};
+use crate::prediction::Predictor;
+use crate::session::Session;
+use crate::systematic::{self, Systematic};
+use crate::tolerances::{self, Links, Tolerances};
+
+/// Per sighting of all sessions, how far one prior deviation of a flaw moves where the tip is seen, frame 0 [m].
+pub type Flaw = Vec<Vector3<f64>>;
+
+/// What makes the flaws of a problem, in their order.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Beside {
+    given: Vec<Flaw>,
+    systematic: Systematic,
+    tolerances: Tolerances,
+}
+
+impl Beside {
+    /// The flaws near a robot.
+    ///
+    /// They are those of where the tip should be seen. Where it was seen a flaw errs as the sighting does, which makes a scale of noise: of `x + e` the
+    /// part `s` is `s (x + e)`, and the more of `e` is in it the better it fits.
+    fn flaws(&self, robot: &Robot, sessions: &[Session], links: Links) -> Result<Vec<Flaw>> {
+        let predictor = Predictor::new(robot)?;
+        let seen_m: Vec<Vec<Vector3<f64>>> = sessions.iter().map(|session| predictor.session_m(session)).collect();
+        Ok([self.given.clone(), self.systematic.flaws(&seen_m), self.tolerances.flaws(robot, sessions, links)?].concat())
+    }
+}
+
+impl Problem<'_> {
+    /// With flaws that are given, as further unknowns after those of the robot and in units of their prior deviation.
+    #[must_use]
+    pub fn with_flaws(mut self, flaws: Vec<Flaw>) -> Self {
+        self.flaws.splice(0..self.beside.given.len(), flaws.clone());
+        self.beside.given = flaws;
+        self
+    }
+
+    /// With what the cameras of the sessions have wrong alike in all images, and with the numbers of the file that nobody asked for off within their
+    /// tolerances.
+    ///
+    /// # Errors
+    /// If the robot is no arm.
+    pub fn beside(mut self, systematic: Systematic) -> Result<Self> {
+        self.beside.systematic = systematic;
+        self.beside.tolerances = Tolerances::of(&self.anchored, self.unknowns, self.sessions)?;
+        self.flaws = self.beside.flaws(&self.anchored, self.sessions, Links::AtRest)?;
+        Ok(self)
+    }
+
+    /// Takes flaws where the unknowns are: a tip that a radius moves by degrees is moved another way by the rest.
+    ///
+    /// # Errors
+    /// If a number of the file cannot be what its tolerance allows.
+    pub(crate) fn look_from(&mut self, z: &DVector<f64>) -> Result<()> {
+        self.flaws = self.beside.flaws(&self.robot(z), self.sessions, Links::Rolling)?;
+        Ok(())
+    }
+
+    /// Whether flaws depend on where the unknowns are.
+    pub(crate) fn is_beside(&self) -> bool {
+        self.flaws.len() > self.beside.given.len()
+    }
+
+    /// The flaws of the cameras.
+    #[must_use]
+    pub fn flaws_of_cameras(&self) -> &[Flaw] {
+        let first = self.beside.given.len();
+        &self.flaws[first..first + self.beside.systematic.len()]
+    }
+
+    /// What an estimate says of the cameras beside their registration; nothing where no session says which cameras placed its tips.
+    #[must_use]
+    pub fn cameras_found(&self, estimate: &Estimate) -> Option<systematic::Found> {
+        self.beside.systematic.found(estimate, self.unknowns.len() + self.beside.given.len())
+    }
+
+    /// What an estimate says of the file's numbers that nobody asked for.
+    #[must_use]
+    pub fn tolerances_found(&self, estimate: &Estimate) -> Vec<tolerances::Found> {
+        self.beside.tolerances.found(estimate, Residuals::unknowns(self) - self.beside.tolerances.len())
+    }
+
+    /// How far flaws move where the tip is seen, at one of the sightings of all recordings [m].
+    pub(crate) fn flawed_m(&self, sighting: usize, z: &DVector<f64>) -> Vector3<f64> {
+        self.flaws.iter().zip(z.iter().skip(self.unknowns.len())).map(|(flaw, &z)| flaw[sighting] * z).sum()
+    }
+
+    /// The flaw that is an unknown; `None` of the robot's. Predictions go straight by it.
+    pub(super) fn flaw(&self, k: usize) -> Option<&Flaw> {
+        self.flaws.get(k.checked_sub(self.unknowns.len())?)
+    }
+}
