@@ -14,7 +14,7 @@ use crate::session::Session;
 pub struct Finding {
     /// What was asked.
     pub unknown: Unknown,
-    /// Value: the prior's, if a number of the robot was not identified.
+    /// Value: the prior's, if a number of the robot was held there.
     pub value: f64,
     /// Standard deviation.
     pub std: f64,
@@ -27,11 +27,8 @@ impl Finding {
     #[must_use]
     pub fn all(unknowns: &[Unknown], estimate: &Estimate) -> Vec<Self> {
         let find = |(k, unknown): (usize, &Unknown)| {
-            let identified = estimate.identified[k];
-            let found = unknown.value(estimate.z[k]);
-            // A filter moves what its data hardly tell, too.
-            let value = if identified || !unknown.quantity.may_hold() { found } else { unknown.prior };
-            Self { value, std: unknown.std(value, estimate.std[k]), identified, unknown: unknown.clone() }
+            let value = unknown.value(estimate.z[k]);
+            Self { value, std: unknown.std(value, estimate.std[k]), identified: estimate.identified[k], unknown: unknown.clone() }
         };
         unknowns.iter().enumerate().map(find).collect()
     }
@@ -139,22 +136,20 @@ mod tests {
     }
 
     #[test]
-    fn what_the_logs_do_not_tell_stays_as_it_was() {
+    fn what_was_held_is_as_it_was_to_the_digit() {
         let robot = nominal::gold();
         let unknowns = priors::unknowns(&robot, &Selection::default(), &Quality::default()).unwrap();
         let n = unknowns.len();
-        let estimate = |is_identified: bool| Estimate {
-            z: DVector::from_element(n, 0.5),
+        let estimate = |z: f64| Estimate {
+            z: DVector::from_element(n, z),
             std: vec![0.9; n],
             covariance: DMatrix::identity(n, n),
-            identified: vec![is_identified; n],
+            identified: vec![false; n],
             residuals: Vec::new(),
             scale: 1.0,
             tempering: 1.0,
         };
-        for finding in Finding::all(&unknowns, &estimate(false)) {
-            assert_eq!(finding.value == finding.unknown.prior, !finding.unknown.quantity.is_registration(), "{}", finding.unknown.key);
-        }
-        assert!(Finding::all(&unknowns, &estimate(true)).iter().all(|finding| finding.value != finding.unknown.prior));
+        assert!(Finding::all(&unknowns, &estimate(0.0)).iter().all(|finding| finding.value == finding.unknown.prior));
+        assert!(Finding::all(&unknowns, &estimate(0.5)).iter().all(|finding| finding.value != finding.unknown.prior));
     }
 }

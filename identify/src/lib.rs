@@ -43,6 +43,7 @@ use raven::cli::{self, Outcome};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 use recording::Recordings;
+use registration::Registration;
 use report::Report;
 use systematic::Systematic;
 
@@ -92,7 +93,9 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
         Error::Unsettled { .. } => Error::Data(format!("{error} Estimate fewer with --parameters.")),
         other => other,
     })?;
-    let findings = Finding::all(&unknowns, &estimate);
+    let registration = Registration::of(&robot.arm()?, &unknowns, &problem.flaws_of_sight(), &recordings.sessions, &estimate);
+    let mut findings = Finding::all(&unknowns, &estimate);
+    registration.iter().for_each(|registration| registration.apply(&mut findings));
     let squares = problem.normalized_squares(&estimate.z)?;
     let identifiability = Identifiability::of(&robot, &problem, &unknowns, &estimate)?;
     let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
@@ -104,8 +107,9 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     if let Some(path) = &args.output {
         let method = identified::remarked(args.method.name(), report.misfit());
         let mut new = identified::identified(&robot, &findings, problem.held(), &method, &recordings.sessions)?;
-        let pose = registration::left_unknown(&robot.arm()?, &unknowns, problem.flaws_of_cameras(), &recordings.sessions, &estimate);
-        new.observation = pose.map_or(new.observation, |pose| new.observation.with_pose_covariance(&pose));
+        if let Some(registration) = &registration {
+            new.observation = new.observation.with_pose_covariance(&registration.covariance);
+        }
         write_robot(path, &new, out, "estimate it from another recording, or leave it out of --parameters")?;
     }
     if let (Some(path), Some(trace)) = (&args.plot, trace) {

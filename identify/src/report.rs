@@ -71,7 +71,7 @@ pub struct Line {
     pub joint: Option<String>,
     /// Unit of the four numbers.
     pub unit: &'static str,
-    /// Value; the prior's, if a number of the robot was not identified.
+    /// Value; the prior's, if a number of the robot was held there.
     pub value: f64,
     /// Standard deviation.
     pub std: f64,

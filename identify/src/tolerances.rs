@@ -99,6 +99,11 @@ impl Tolerances {
         self.0.len()
     }
 
+    /// Which of them belong to kinematics.
+    pub(crate) fn of_kinematics(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().enumerate().filter(|(_, number)| number.sited.effect.stage == Stage::Kinematics).map(|(k, _)| k)
+    }
+
     /// What an estimate says of them, of whose unknowns they are those from `first` on.
     #[must_use]
     pub fn found(&self, estimate: &Estimate, first: usize) -> Vec<Found> {

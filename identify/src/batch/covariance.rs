@@ -89,6 +89,12 @@ impl Curvature {
         DMatrix::from_fn(n, n, |k, l| std[k] * std[l] * correlation(k, l))
     }
 
+    /// Standard deviations of the unknowns in `free` if residuals scatter as their covariance says.
+    #[must_use]
+    pub fn std_by_information(&self, free: &[usize]) -> DVector<f64> {
+        self.posterior(free).map_or_else(|| DVector::repeat(free.len(), 1.0), |posterior| posterior.inverse().diagonal().map(f64::sqrt))
+    }
+
     fn with_prior(&self, free: &[usize]) -> DMatrix<f64> {
         self.information.select_rows(free).select_columns(free) + DMatrix::identity(free.len(), free.len())
     }

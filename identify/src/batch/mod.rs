@@ -4,7 +4,7 @@
 //! prior one is not identified. The worst of them is held at its prior and the rest estimated again, until all that is left is
 //! identified, so that the numbers written together belong together; the deviations then carry the held ones' uncertainty. Corrections
 //! of the registration are never held: they are nothing the controller loads, and without them the robot would have to make up for a
-//! turned camera.
+//! turned camera. Nor is what the information, if not its scatter, tells from its prior: a loop that turns once shows how, if not how well.
 
 mod covariance;
 mod gauss_newton;
@@ -21,6 +21,8 @@ pub use robust::Cauchy;
 
 /// Ratio of posterior to prior deviation above which a log has not determined a quantity.
 pub const IDENTIFIED_BELOW: f64 = 0.5;
+/// Deviations by the information alone beyond which an unknown is not at its prior.
+const NOT_AT_PRIOR: f64 = 3.0;
 /// Relative change of the tempering that is worth another estimation, and how often.
 const TEMPERING_SETTLED: f64 = 0.1;
 const TEMPERINGS_MAX: usize = 4;
@@ -105,8 +107,12 @@ pub fn estimate(problem: &impl Residuals, may_hold: &[bool], start: &DVector<f64
         for (i, &k) in free.iter().enumerate() {
             std[k] = among_free[(i, i)].sqrt();
         }
-        let lost = |k: &usize| may_hold[*k] && std[*k] > IDENTIFIED_BELOW;
-        let worst = free.iter().copied().filter(lost).max_by(|&a, &b| std[a].total_cmp(&std[b]));
+        let by_information = curvature.std_by_information(&free);
+        let is_lost = |(k, by_information): &(usize, &f64)| {
+            may_hold[*k] && std[*k] > IDENTIFIED_BELOW && z[*k].abs() <= NOT_AT_PRIOR * **by_information
+        };
+        let lost = free.iter().copied().zip(&by_information).filter(is_lost).map(|(k, _)| k);
+        let worst = lost.max_by(|&a, &b| std[a].total_cmp(&std[b]));
         let Some(worst) = worst else {
             let identified = (0..n).map(|k| !held.contains(&k) && std[k] <= IDENTIFIED_BELOW).collect();
             let mut covariance = DMatrix::from_diagonal(&DVector::from_iterator(n, std.iter().map(|std| std * std)));

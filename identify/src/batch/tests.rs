@@ -137,3 +137,18 @@ fn a_held_unknown_still_counts_in_the_others_deviation() {
     assert_eq!(estimate.identified, [true, false]);
     assert!((estimate.std[0] - 0.2).abs() < 0.02, "0.2 of a held unit deviation, not {}", estimate.std[0]);
 }
+
+/// What one block alone tells has nothing to be compared with, and counts as not determined; at its prior it is not for that.
+#[test]
+fn what_is_seen_once_and_is_not_the_prior_is_not_put_back() {
+    let truth = [0.3, 0.3, 5.0];
+    let mut line = Line::exact(&truth, 40 * PER_BLOCK);
+    for (slopes, observed) in line.slopes.iter_mut().zip(&mut line.observed).skip(PER_BLOCK) {
+        *observed -= slopes.column(2) * truth[2];
+        slopes.column_mut(2).fill(0.0);
+    }
+    white(&mut ChaCha8Rng::seed_from_u64(5), &mut line.observed);
+    let estimate = estimate(&line, &[true; 3], &DVector::zeros(3)).unwrap();
+    assert!(!estimate.identified[2] && estimate.std[2] > IDENTIFIED_BELOW, "{:?}", estimate.std);
+    assert!((estimate.z[2] - truth[2]).abs() < 1.0, "{}", estimate.z);
+}

@@ -69,11 +69,13 @@ impl Problem<'_> {
         self.flaws.len() > self.beside.given.len()
     }
 
-    /// The flaws of the cameras.
+    /// The flaws between joints and seen tips, those of cameras and of kinematics, each with its place among all unknowns.
     #[must_use]
-    pub fn flaws_of_cameras(&self) -> &[Flaw] {
+    pub fn flaws_of_sight(&self) -> Vec<(usize, &Flaw)> {
         let first = self.beside.given.len();
-        &self.flaws[first..first + self.beside.systematic.len()]
+        let of_kinematics = self.beside.systematic.len() + first;
+        let kinematics = self.beside.tolerances.of_kinematics().map(|k| of_kinematics + k);
+        (first..of_kinematics).chain(kinematics).map(|k| (self.unknowns.len() + k, &self.flaws[k])).collect()
     }
 
     /// What an estimate says of the cameras beside their registration; nothing where no session says which cameras placed its tips.

@@ -12,7 +12,7 @@ use raven::robot::Robot;
 use raven_identify::batch::Estimate;
 use raven_identify::problem::{Flaw, Problem};
 use raven_identify::recursive::{self, Horizon, Sharing};
-use raven_identify::registration::left_unknown;
+use raven_identify::registration::Registration;
 use raven_identify::session::Session;
 use raven_identify::systematic::Systematic;
 
@@ -77,11 +77,14 @@ fn claimed_deviations_hold_where_all_images_err_alike() {
 fn tips_off(case: &Case, truth: &Robot, sessions: &[Session], off: &[f64; SYSTEMATIC], estimate: &Estimate) -> f64 {
     let arm = case.robot.arm().unwrap();
     let flaws = flaws(sessions);
-    let pose = left_unknown(&arm, &case.unknowns, &flaws, sessions, estimate).unwrap();
+    let n = case.unknowns.len();
+    let placed: Vec<(usize, &Flaw)> = flaws.iter().enumerate().map(|(k, flaw)| (n + k, flaw)).collect();
+    let registered = Registration::of(&arm, &case.unknowns, &placed, sessions, estimate).unwrap();
+    let pose = registered.covariance;
     let pivot_m = arm.kinematics.forward(&arm.hard_stop);
     let registration = |robot: &Robot| Vector6::from_row_slice(&[robot.observation.rotation, robot.observation.translation].concat());
-    let estimated = case.truth(&estimate.z.rows(0, case.unknowns.len()).into_owned());
-    let registration_off = registration(&estimated) - registration(truth);
+    let estimated = case.truth(&estimate.z.rows(0, n).into_owned());
+    let registration_off = registration(&estimated) + registered.taken_on - registration(truth);
     let squares = sessions[0].sightings.iter().enumerate().map(|(i, sighting)| {
         let by_pose = moved_by_pose(&(sighting.position_m - pivot_m));
         let by_flaws: Vector3<f64> = flaws.iter().zip(off).map(|(flaw, &off)| flaw[i] * off).sum();
