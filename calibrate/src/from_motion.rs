@@ -112,7 +112,10 @@ pub fn register(robot: &Robot, cameras: &Cameras, before: &Before, recordings: &
     robot.observation = Observation::default();
     let solve = |unknowns: &[Unknown]| {
         let systematic = Systematic::of(vec![Some(roughly.clone()); sessions.len()]);
-        let mut problem = Problem::new(&robot, unknowns, &sessions)?.with_flaws(vec![by_offset.clone()]).beside(systematic)?;
+        let mut problem = Problem::new(&robot, unknowns, &sessions)?
+            .with_flaws(vec![by_offset.clone()])
+            .with_systematic(systematic)?
+            .with_tolerances()?;
         let estimate = problem.estimate_all()?;
         let found = problem.robot(&estimate.z).observation;
         Ok((estimate, found, problem.misfit()))

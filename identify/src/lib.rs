@@ -18,6 +18,7 @@ pub mod identified;
 pub mod misfit;
 pub mod motion;
 pub mod parameters;
+pub mod parsimony;
 pub mod prediction;
 pub mod priors;
 pub mod problem;
@@ -82,14 +83,11 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     recordings.doubts.iter().for_each(|sentence| cli::warn(sentence));
     let hidden = damping::leave_out_hidden(&mut unknowns, &robot, &recordings.sessions)?;
     args.plots(&unknowns)?;
-    let mut problem = Problem::new(&robot, &unknowns, &recordings.sessions)?.beside(Systematic::of(recordings.tracked.clone()))?;
+    let problem = Problem::new(&robot, &unknowns, &recordings.sessions)?.with_systematic(Systematic::of(recordings.tracked.clone()))?;
     let spinner = cli::spinner("estimating");
-    let estimate = match sharing {
-        None => problem.estimate().map(|estimate| (estimate, None)),
-        Some(sharing) => recursive::estimate(&mut problem, sharing).map(|(estimate, trace)| (estimate, Some(trace))),
-    };
+    let fit = parsimony::fit(problem, sharing);
     spinner.finish_and_clear();
-    let (estimate, trace) = estimate.map_err(|error| match error {
+    let parsimony::Fit { problem, estimate, trace, as_filed } = fit.map_err(|error| match error {
         Error::Unsettled { .. } => Error::Data(format!("{error} Estimate fewer with --parameters.")),
         other => other,
     })?;
@@ -101,6 +99,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let times_s = [recordings.duration_s, start.elapsed().as_secs_f64()];
     let mut report = Report::new(&robot, &findings, &estimate, &squares, problem.misfit(), times_s);
     report.identifiability = Some(identifiability);
+    report.as_filed = as_filed;
     report.tolerances = problem.tolerances_found(&estimate);
     report.cameras = problem.cameras_found(&estimate);
 

@@ -27,6 +27,8 @@ pub struct Report {
     pub parameters: Vec<Line>,
     /// What the cameras have wrong in all images alike; null where the logs do not say which cameras placed their tips.
     pub cameras: Option<Found>,
+    /// Whether the file's other numbers fit as they are.
+    pub as_filed: bool,
     /// What the logs say of the file's numbers that nobody asked for.
     pub tolerances: Vec<tolerances::Found>,
     /// What the logs can say, where it was asked.
@@ -127,6 +129,7 @@ impl Report {
         Self {
             parameters: findings.iter().map(line).collect(),
             cameras: None,
+            as_filed: false,
             tolerances: Vec::new(),
             identifiability: None,
             nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
@@ -171,6 +174,10 @@ impl Report {
                 text,
                 "cameras, in all images alike: disparity {px:+.3} +- {px_std:.3} px (by calibration +- {px_before:.3}), scale {part:+.3} +- {part_std:.3} % (+- {part_before:.3})"
             );
+        }
+        if !self.tolerances.is_empty() {
+            let fit = if self.as_filed { "fit as they are" } else { "do not fit as they are: each may be off by its tolerance" };
+            let _ = writeln!(text, "the file's other numbers that move the tip, {}, {fit}", self.tolerances.len());
         }
         let part = |u: &Unexplained| format!("{} {:.2} {}", u.joint, u.std * u.shown.1, u.shown.0);
         let _ = writeln!(text, "left unexplained: {}", self.unexplained.iter().map(part).collect::<Vec<_>>().join(", "));

@@ -1,5 +1,7 @@
 //! What is unknown beside the numbers that are asked about, and moves many sightings alike: flaws.
 
+use std::sync::Arc;
+
 use nalgebra::{DVector, Vector3};
 use raven::Result;
 use raven::robot::Robot;
@@ -43,16 +45,32 @@ impl Problem<'_> {
         self
     }
 
-    /// With what the cameras of the sessions have wrong alike in all images, and with the numbers of the file that nobody asked for off within their
-    /// tolerances.
+    /// With what the cameras of the sessions have wrong alike in all images.
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub fn beside(mut self, systematic: Systematic) -> Result<Self> {
+    pub fn with_systematic(mut self, systematic: Systematic) -> Result<Self> {
         self.beside.systematic = systematic;
-        self.beside.tolerances = Tolerances::of(&self.anchored, self.unknowns, self.sessions)?;
         self.flaws = self.beside.flaws(&self.anchored, self.sessions, Links::AtRest)?;
         Ok(self)
+    }
+
+    /// With the numbers of the file that nobody asked for off within their tolerances.
+    ///
+    /// # Errors
+    /// If the robot is no arm, or a tolerance is one that no such hardware has.
+    pub fn with_tolerances(mut self) -> Result<Self> {
+        self.beside.tolerances = Tolerances::of(&self.anchored, self.unknowns, self.sessions)?;
+        // What was rolled out belongs to fewer unknowns, and to whom this is a copy of.
+        self.rolled = Arc::default();
+        self.flaws = self.beside.flaws(&self.anchored, self.sessions, Links::AtRest)?;
+        Ok(self)
+    }
+
+    /// How many numbers are off within their tolerances: the last unknowns.
+    #[must_use]
+    pub fn tolerances(&self) -> usize {
+        self.beside.tolerances.len()
     }
 
     /// Takes flaws where the unknowns are: a tip that a radius moves by degrees is moved another way by the rest.
@@ -87,7 +105,7 @@ impl Problem<'_> {
     /// What an estimate says of the file's numbers that nobody asked for.
     #[must_use]
     pub fn tolerances_found(&self, estimate: &Estimate) -> Vec<tolerances::Found> {
-        self.beside.tolerances.found(estimate, Residuals::unknowns(self) - self.beside.tolerances.len())
+        self.beside.tolerances.found(estimate, Residuals::unknowns(self) - self.tolerances())
     }
 
     /// How far flaws move where the tip is seen, at one of the sightings of all recordings [m].

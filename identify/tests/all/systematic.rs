@@ -52,7 +52,12 @@ fn flaws(sessions: &[Session]) -> Vec<Flaw> {
 }
 
 fn problem<'a>(case: &'a Case, sessions: &'a [Session]) -> Problem<'a> {
-    Problem::new(&case.robot, &case.unknowns, sessions).unwrap().beside(Systematic::of(vec![Some(cameras()); sessions.len()])).unwrap()
+    Problem::new(&case.robot, &case.unknowns, sessions)
+        .unwrap()
+        .with_systematic(Systematic::of(vec![Some(cameras()); sessions.len()]))
+        .unwrap()
+        .with_tolerances()
+        .unwrap()
 }
 
 #[test]
