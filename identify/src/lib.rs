@@ -2,8 +2,8 @@
 //!
 //! A recording has the motors' angles and the tip as the cameras saw it; between them lie cables, pulleys, hard stops, clocks and a
 //! registration. [`parameters`] names these numbers, [`priors`] says what is known of them beforehand, [`problem`] compares
-//! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, and [`identified`] writes those
-//! that the recording determined into the robot file.
+//! [`prediction`]s with sightings, [`batch`] finds the most probable numbers and how well each is known, [`parsimony`] decides whether the file's
+//! other numbers need be off within their [`tolerances`] for that, and [`identified`] writes what the recording determined into the robot file.
 //! [`identifiability`] says what a recording can tell at all. [`export`] hands them to the controller; [`excite`]
 //! proposes what to record next. [`added`] puts effects that a diagnosis named into the robot file.
 
