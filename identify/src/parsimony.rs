@@ -51,8 +51,7 @@ pub fn fit(problem: Problem<'_>, sharing: Option<Sharing>) -> Result<Fit<'_>> {
         let mut z = DVector::zeros(found.z.len());
         z.rows_mut(0, of_file.z.len()).copy_from(&of_file.z);
         if is_possible(&within, &found, &z)? {
-            let mut problem = filed.with_tolerances()?;
-            problem.look_from(&z)?;
+            let problem = filed.with_tolerances_of(&within, &z)?;
             return Ok(Fit { problem, estimate: claimed(of_file, &found, z), trace, as_filed: true });
         }
     }

@@ -22,7 +22,7 @@ use raven::robot::{LinkModel, LinkState, Robot};
 use rayon::prelude::*;
 
 use crate::motion::Motion;
-use crate::session::Session;
+use crate::session::{Session, Sighting};
 
 /// Sightings whose rollout is one piece of work.
 const PART: usize = 300;
@@ -76,20 +76,20 @@ impl Predictor {
         self.correction.seen_m(&self.model.arm().kinematics.forward(&joints))
     }
 
-    /// Where all tips of a session should have been seen [m], the joints at rest.
+    /// Where all tips of a session should have been seen [m], the joints at `lag` [rad, rad, m] from rest, per sighting; at rest without.
     #[must_use]
-    pub fn session_m(&self, session: &Session) -> Vec<Vector3<f64>> {
+    pub fn session_m(&self, session: &Session, lag: Option<&[Vector3<f64>]>) -> Vec<Vector3<f64>> {
         let driving = self.driving(&session.motion);
-        session.sightings.iter().map(|sighting| self.seen_m(&driving, sighting.time_s)).collect()
+        let lag_of = |i: usize| lag.map_or_else(Vector3::zeros, |lag| lag[i]);
+        let seen_m = |(i, sighting): (usize, &Sighting)| self.seen_lagging_m(&driving, sighting.time_s, &lag_of(i));
+        session.sightings.iter().enumerate().map(seen_m).collect()
     }
 
-    /// The same by a rollout.
+    /// The [`lag`](Self::lag) at the sightings of a session.
     #[must_use]
-    pub fn rolled_session_m(&self, session: &Session) -> Vec<Vector3<f64>> {
-        let driving = self.driving(&session.motion);
-        let times_s = session.times_s();
-        let seen_m = |(&time_s, lag): (&f64, &Vector3<f64>)| self.seen_lagging_m(&driving, time_s, lag);
-        times_s.iter().zip(&self.lag(&session.motion, &times_s)).map(seen_m).collect()
+    pub fn session_lag(&self, session: &Session) -> Vec<Vector3<f64>> {
+        let times_s: Vec<f64> = session.sightings.iter().map(|sighting| sighting.time_s).collect();
+        self.lag(&session.motion, &times_s)
     }
 
     /// How that moves with the joints, 3x3 [m/rad, m/rad, 1].

@@ -292,19 +292,16 @@ impl<'a> Problem<'a> {
 
     /// What rollouts add to the joints at rest.
     fn rollout(&self, predictor: &Predictor) -> Vec<Vector3<f64>> {
-        let of_session = |session: &Session| predictor.lag(&session.motion, &session.times_s());
-        self.sessions.iter().flat_map(of_session).collect()
+        self.sessions.iter().flat_map(|session| predictor.session_lag(session)).collect()
     }
 
     /// Prediction, with its flaws, less sighting [m].
     fn errors(&self, predictor: &Predictor, lag: &Lag, z: &DVector<f64>) -> Vec<Vector3<f64>> {
         let mut errors = Vec::with_capacity(self.whiten.len());
         for session in self.sessions {
-            let driving = predictor.driving(&session.motion);
-            for sighting in &session.sightings {
-                let lag = lag.as_ref().map_or_else(Vector3::zeros, |lag| lag[errors.len()]);
-                let flawed_m = self.flawed_m(errors.len(), z);
-                errors.push(predictor.seen_lagging_m(&driving, sighting.time_s, &lag) + flawed_m - sighting.position_m);
+            let seen_m = predictor.session_m(session, lag.as_ref().map(|lag| &lag[errors.len()..]));
+            for (sighting, seen_m) in session.sightings.iter().zip(seen_m) {
+                errors.push(seen_m + self.flawed_m(errors.len(), z) - sighting.position_m);
             }
         }
         errors

@@ -45,14 +45,6 @@ pub struct Session {
     pub sightings: Vec<Sighting>,
 }
 
-impl Session {
-    /// Stamps of the sightings [s].
-    #[must_use]
-    pub fn times_s(&self) -> Vec<f64> {
-        self.sightings.iter().map(|sighting| sighting.time_s).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -58,11 +58,12 @@ pub struct Found {
 }
 
 impl Tolerances {
-    /// Of the numbers of `robot` that move the tips of `sessions`, less the `unknowns` and what belongs to the cameras.
+    /// Of the numbers of `robot` that move the tips of `sessions`, less the `unknowns` and what belongs to the cameras; and how far one tolerance of
+    /// each moves them, the links at rest.
     ///
     /// # Errors
     /// If the robot is no arm, or a tolerance is one that no such hardware has.
-    pub fn of(robot: &Robot, unknowns: &[Unknown], sessions: &[Session]) -> Result<Self> {
+    pub fn of(robot: &Robot, unknowns: &[Unknown], sessions: &[Session]) -> Result<(Self, Vec<Flaw>)> {
         let mut beside = Vec::new();
         for number in Sited::all(robot).into_iter().flat_map(|sited| Number::all(robot, sited)) {
             let changed = number.off(robot, STEP)?;
@@ -73,7 +74,8 @@ impl Tolerances {
         }
         let flaws = Self(beside.clone()).flaws(robot, sessions, Links::AtRest)?;
         let shows = |number: &Number, flaw: &Flaw| number.swings() || flaw.iter().any(|moved| *moved != Vector3::zeros());
-        Ok(Self(beside.into_iter().zip(&flaws).filter_map(|(number, flaw)| shows(&number, flaw).then_some(number)).collect()))
+        let (numbers, flaws) = beside.into_iter().zip(flaws).filter(|(number, flaw)| shows(number, flaw)).unzip();
+        Ok((Self(numbers), flaws))
     }
 
     /// How far one tolerance of each moves the sightings of a robot near that of the file.
@@ -85,8 +87,8 @@ impl Tolerances {
             let seen_m = |tolerances: f64| -> Result<Flaw> {
                 let predictor = Predictor::new(&number.off(robot, tolerances)?)?;
                 let rolls = links == Links::Rolling && number.swings();
-                let seen_m = |session| if rolls { predictor.rolled_session_m(session) } else { predictor.session_m(session) };
-                Ok(sessions.iter().flat_map(seen_m).collect())
+                let lag = |session| rolls.then(|| predictor.session_lag(session));
+                Ok(sessions.iter().flat_map(|session| predictor.session_m(session, lag(session).as_deref())).collect())
             };
             let [behind, ahead] = [-STEP, STEP].map(seen_m);
             Ok(ahead?.iter().zip(&behind?).map(|(ahead, behind)| (ahead - behind) / (2.0 * STEP)).collect())
@@ -175,7 +177,7 @@ mod tests {
         let robot = nominal::gold();
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
         let unknowns = priors::unknowns(&robot, &Selection::named(&names).unwrap(), &Quality::default()).unwrap();
-        let tolerances = Tolerances::of(&robot, &unknowns, &[moving()]).unwrap();
+        let (tolerances, _) = Tolerances::of(&robot, &unknowns, &[moving()]).unwrap();
         tolerances.0.iter().map(|number| at_place(number.sited.effect.id, number.joint.as_deref())).collect()
     }
 
@@ -205,14 +207,12 @@ mod tests {
 
     #[test]
     fn a_flaw_is_how_far_a_tolerance_moves_the_tip() {
-        let (robot, session) = (nominal::gold(), moving());
-        let tolerances = Tolerances::of(&robot, &[], std::slice::from_ref(&session)).unwrap();
-        let sessions = [session];
-        let flaws = tolerances.flaws(&robot, &sessions, Links::AtRest).unwrap();
+        let (robot, sessions) = (nominal::gold(), [moving()]);
+        let (tolerances, flaws) = Tolerances::of(&robot, &[], &sessions).unwrap();
         let mut longer = robot.clone();
         *longer.value_mut("kinematics.wrist_offset").unwrap() += robot.tolerances.tool_length_m;
         longer.keep_encoders_of(&robot).unwrap();
-        let [before, after] = [&robot, &longer].map(|robot| Predictor::new(robot).unwrap().session_m(&sessions[0]));
+        let [before, after] = [&robot, &longer].map(|robot| Predictor::new(robot).unwrap().session_m(&sessions[0], None));
         let k = tolerances.0.iter().position(|number| number.sited.effect.id == "tool-length").unwrap();
         for ((before, after), moved) in before.iter().zip(&after).zip(&flaws[k]) {
             assert!((after - before - moved).norm() < 1e-9, "{moved}");

@@ -30,9 +30,14 @@ impl Beside {
     /// They are those of where the tip should be seen. Where it was seen a flaw errs as the sighting does, which makes a scale of noise: of `x + e` the
     /// part `s` is `s (x + e)`, and the more of `e` is in it the better it fits.
     fn flaws(&self, robot: &Robot, sessions: &[Session], links: Links) -> Result<Vec<Flaw>> {
-        let predictor = Predictor::new(robot)?;
-        let seen_m: Vec<Vec<Vector3<f64>>> = sessions.iter().map(|session| predictor.session_m(session)).collect();
-        Ok([self.given.clone(), self.systematic.flaws(&seen_m), self.tolerances.flaws(robot, sessions, links)?].concat())
+        let of_cameras = if self.systematic.len() > 0 {
+            let predictor = Predictor::new(robot)?;
+            let seen_m: Vec<Vec<Vector3<f64>>> = sessions.iter().map(|session| predictor.session_m(session, None)).collect();
+            self.systematic.flaws(&seen_m)
+        } else {
+            Vec::new()
+        };
+        Ok([self.given.clone(), of_cameras, self.tolerances.flaws(robot, sessions, links)?].concat())
     }
 }
 
@@ -59,12 +64,29 @@ impl Problem<'_> {
     ///
     /// # Errors
     /// If the robot is no arm, or a tolerance is one that no such hardware has.
-    pub fn with_tolerances(mut self) -> Result<Self> {
-        self.beside.tolerances = Tolerances::of(&self.anchored, self.unknowns, self.sessions)?;
+    pub fn with_tolerances(self) -> Result<Self> {
+        let (tolerances, flaws) = Tolerances::of(&self.anchored, self.unknowns, self.sessions)?;
+        let mut problem = self.with_more_unknowns(tolerances);
+        problem.flaws.extend(flaws);
+        Ok(problem)
+    }
+
+    /// With the tolerances of another problem, of the same robot, unknowns and sessions; flaws are taken at `z`.
+    ///
+    /// # Errors
+    /// If a number of the file cannot be what its tolerance allows.
+    pub(crate) fn with_tolerances_of(self, other: &Self, z: &DVector<f64>) -> Result<Self> {
+        let mut problem = self.with_more_unknowns(other.beside.tolerances.clone());
+        problem.look_from(z)?;
+        Ok(problem)
+    }
+
+    fn with_more_unknowns(mut self, tolerances: Tolerances) -> Self {
+        self.flaws.truncate(self.flaws.len() - self.tolerances());
+        self.beside.tolerances = tolerances;
         // What was rolled out belongs to fewer unknowns, and to whom this is a copy of.
         self.rolled = Arc::default();
-        self.flaws = self.beside.flaws(&self.anchored, self.sessions, Links::AtRest)?;
-        Ok(self)
+        self
     }
 
     /// How many numbers are off within their tolerances: the last unknowns.

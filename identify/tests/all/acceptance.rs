@@ -3,15 +3,14 @@
 
 use std::path::Path;
 
-use clap::Parser;
 use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use raven::robot::nominal;
-use raven::simulation::{Effect, EffectKind, Motion, Options, Session};
+use raven::simulation::{Effect, EffectKind, Motion, Options};
 use raven::stats::rms;
-use raven_identify::{Args, run};
+
+use super::virtual_lab;
 
 const TURN_RAD: f64 = std::f64::consts::PI / 180.0;
 const LATENCY_S: f64 = 0.06;
@@ -22,7 +21,6 @@ const HALF_95: f64 = 1.96;
 
 /// What one session found: relative error of the pulley and the claimed relative deviation.
 fn pulley(seed: u64, duration_s: f64, folder: &Path) -> [f64; 2] {
-    let robot = nominal::gold();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let axis = Vector3::from_fn(|_, _| Distribution::<f64>::sample(&StandardNormal, &mut random)).normalize() * TURN_RAD;
     let effects = vec![
@@ -30,14 +28,8 @@ fn pulley(seed: u64, duration_s: f64, folder: &Path) -> [f64; 2] {
         Effect::new(EffectKind::CameraRotation, None, axis.as_slice()).unwrap(),
         Effect::new(EffectKind::TimeOffset, None, &[LATENCY_S]).unwrap(),
     ];
-    let session = Session::new(&robot, Options { seed, effects, ..Options::default() }).unwrap();
-    let (log, file, result) = (folder.join("log.mcap"), folder.join("robot.yaml"), folder.join("result.json"));
-    session.record(Motion::Sinusoid, duration_s, &log, |_| ()).unwrap();
-    robot.write(&file).unwrap();
-    let line = [Path::new("raven-identify"), &log, "--robot".as_ref(), &file, "--json".as_ref(), &result];
-    run(Args::parse_from(line), &mut Vec::new()).unwrap();
-    let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&result).unwrap()).unwrap();
-    let found = result["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "r_l1").unwrap();
+    let result = virtual_lab::identified(Options { seed, effects, ..Options::default() }, Motion::Sinusoid, duration_s, &[], folder);
+    let found = virtual_lab::found(&result, "r_l1").unwrap();
     assert_eq!(found["identified"], true, "seed {seed}: {found}");
     let (truth, number) = (0.063_095 * (1.0 + PULLEY), |key: &str| found[key].as_f64().unwrap());
     [number("value") / truth - 1.0, number("std") / truth]

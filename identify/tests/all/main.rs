@@ -11,5 +11,6 @@ mod recursive;
 mod simulated;
 mod soft_cables;
 mod systematic;
+mod virtual_lab;
 mod virtual_robot;
 mod within_tolerances;

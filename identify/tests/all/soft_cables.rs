@@ -3,27 +3,19 @@
 
 use std::path::Path;
 
-use clap::Parser;
 use raven::robot::nominal;
-use raven::simulation::{Effect, EffectKind, Motion, Options, Session};
-use raven::stats::{chi_square_quantile, rms};
-use raven_identify::{Args, run};
+use raven::simulation::{Effect, EffectKind, Motion, Options};
+use raven::stats::rms;
+
+use super::virtual_lab;
 
 /// What is left of the stiffness of the elbow's and the insertion's cable.
 const SOFT: [(&str, f64); 2] = [("elbow", 0.15), ("insertion", 0.25)];
 
 /// What is found of one session, as scripts read it.
 fn identified(seed: u64, motion: Motion, duration_s: f64, parameters: &str, folder: &Path) -> serde_json::Value {
-    let robot = nominal::gold();
     let effects = SOFT.map(|(joint, factor)| Effect::new(EffectKind::CableStretch, Some(joint), &[factor]).unwrap()).to_vec();
-    let session = Session::new(&robot, Options { seed, effects, ..Options::default() }).unwrap();
-    let (log, file, result) = (folder.join("log.mcap"), folder.join("robot.yaml"), folder.join("result.json"));
-    session.record(motion, duration_s, &log, |_| ()).unwrap();
-    robot.write(&file).unwrap();
-    let asked = [Path::new("--parameters"), parameters.as_ref()];
-    let line = [Path::new("raven-identify"), &log, "--robot".as_ref(), &file, "--json".as_ref(), &result];
-    run(Args::parse_from(line.iter().chain(&asked)), &mut Vec::new()).unwrap();
-    serde_json::from_str(&std::fs::read_to_string(&result).unwrap()).unwrap()
+    virtual_lab::identified(Options { seed, effects, ..Options::default() }, motion, duration_s, &["--parameters", parameters], folder)
 }
 
 /// Errors of what is known of the lab over the claimed deviations, and the deviations as parts of the truth (the latency's in ms), by number.
@@ -37,8 +29,7 @@ fn off(result: &serde_json::Value) -> Vec<(String, f64, f64)> {
         ("F_c3", friction[2]),
         ("latency", 0.0),
     ];
-    let parameters = result["parameters"].as_array().unwrap();
-    let found = truths.iter().filter_map(|(name, truth)| Some((name, truth, parameters.iter().find(|p| p["name"] == *name)?)));
+    let found = truths.iter().filter_map(|(name, truth)| Some((name, truth, virtual_lab::found(result, name)?)));
     let off = |(name, truth, found): (&&str, &f64, &serde_json::Value)| {
         let number = |key: &str| found[key].as_f64().unwrap();
         assert_eq!(found["identified"], true, "{found}");
@@ -60,8 +51,11 @@ fn assert_claims_hold(motion: Motion, duration_s: f64, parameters: &str, seeds: 
         let column = |of: fn(&(String, f64, f64)) -> f64| rms(&all.iter().map(|found| of(&found[k])).collect::<Vec<_>>()).unwrap();
         let (name, over, std) = (&all[0][k].0, column(|found| found.1), column(|found| found.2));
         println!("  {name:<8} errors rms {over:.2} of the claimed deviation, {std:.4}");
-        let limit = chi_square_quantile(seeds as usize, 0.99).unwrap() / seeds as f64;
-        assert!(over * over < limit, "{motion}: squared errors of {name} are {:.2} of the claimed variance", over * over);
+        assert!(
+            over * over < virtual_lab::mean_square_max(seeds),
+            "{motion}: squared errors of {name} are {:.2} of the claimed variance",
+            over * over
+        );
     }
     assert!(most < nis_max, "{motion}: residuals are {most}, and noise alone would be 3");
 }

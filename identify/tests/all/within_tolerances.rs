@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
-use clap::Parser;
-use raven::robot::nominal;
-use raven::simulation::{Effect, EffectKind, Motion, Options, Session};
-use raven::stats::chi_square_quantile;
-use raven_identify::{Args, run};
+use raven::simulation::{Effect, EffectKind, Motion, Options};
+
+use super::virtual_lab;
 
 const PULLEY: f64 = -0.05;
 const LATENCY_S: f64 = 0.03;
@@ -24,22 +22,16 @@ struct Outcome {
 
 /// Of a robot and cameras that are off by so many of their tolerances.
 fn identified(seed: u64, off_nominal: f64, duration_s: f64, method: &str, folder: &Path) -> Outcome {
-    let robot = nominal::gold();
     let effects = vec![
         Effect::new(EffectKind::PulleyRadius, Some("shoulder"), &[PULLEY]).unwrap(),
         Effect::new(EffectKind::TimeOffset, None, &[LATENCY_S]).unwrap(),
     ];
-    let session = Session::new(&robot, Options { seed, effects, off_nominal, ..Options::default() }).unwrap();
-    let (log, file, result) = (folder.join("log.mcap"), folder.join("robot.yaml"), folder.join("result.json"));
-    session.record(Motion::Rich, duration_s, &log, |_| ()).unwrap();
-    robot.write(&file).unwrap();
     let cameras = folder.join("cameras.yaml");
-    session.cameras().unwrap().write(&cameras).unwrap();
-    let line = [Path::new("raven-identify"), &log, "--robot".as_ref(), &file, "--cameras".as_ref(), &cameras, "--json".as_ref(), &result];
-    run(Args::parse_from(line.iter().chain(&[Path::new("--method"), method.as_ref()])), &mut Vec::new()).unwrap();
-    let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&result).unwrap()).unwrap();
+    let arguments = ["--cameras", cameras.to_str().unwrap(), "--method", method];
+    let options = Options { seed, effects, off_nominal, ..Options::default() };
+    let result = virtual_lab::identified(options, Motion::Rich, duration_s, &arguments, folder);
     let found = |name: &str, truth: f64| {
-        let found = result["parameters"].as_array().unwrap().iter().find(|found| found["name"] == name).unwrap();
+        let found = virtual_lab::found(&result, name).unwrap();
         let number = |key: &str| found[key].as_f64().unwrap();
         ((number("value") - truth) / number("std"), number("std") / truth)
     };
@@ -72,7 +64,7 @@ fn squares(method: &str, duration_s: f64, seeds: u64) -> [f64; 2] {
 
 /// Holds them against where 99 % of such means lie.
 fn assert_claims_hold(method: &str, duration_s: f64, seeds: u64) {
-    let limit = chi_square_quantile(seeds as usize, 0.99).unwrap() / seeds as f64;
+    let limit = virtual_lab::mean_square_max(seeds);
     let squares = squares(method, duration_s, seeds);
     assert!(
         squares.iter().all(|square| *square < limit),
@@ -102,6 +94,6 @@ fn claims_hold_on_robots_within_their_tolerances() {
     // The filters' latency is off by 1.3 of its deviations, which docs/identifiability.md says.
     for method in ["dual", "joint"] {
         let [pulley, _] = squares(method, 40.0, 32);
-        assert!(pulley < chi_square_quantile(32, 0.99).unwrap() / 32.0, "{pulley}");
+        assert!(pulley < virtual_lab::mean_square_max(32), "{pulley}");
     }
 }
