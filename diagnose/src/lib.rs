@@ -5,6 +5,7 @@
 pub mod against;
 pub mod attribution;
 pub mod check;
+mod diagnosis;
 pub mod evidence;
 pub mod gap;
 pub mod phase;
@@ -22,14 +23,13 @@ use raven::cli::{self, Outcome};
 use raven::log::{Recording, TipStatus};
 use raven::robot::{KinematicsKind, PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
-use serde::Serialize;
 
 use crate::against::{Against, Simulation};
 use crate::attribution::{Attribution, Nominal, Side};
+pub use crate::diagnosis::Report;
+use crate::diagnosis::{RobotFile, gaps};
 use crate::evidence::numbers::spread::{Departures, Spread};
-use crate::gap::{Gap, MotorMotion};
-use crate::residual::{Channels, Residuals, channels};
-use crate::whereabouts::Place;
+use crate::residual::{Channels, channels};
 
 /// Says how large the gap between a robot and its model is, where it lies, which unmodelled effect causes it, and how far it closes.
 ///
@@ -64,75 +64,6 @@ pub struct Args {
     /// Writes the report as one HTML page.
     #[arg(long)]
     html: Option<PathBuf>,
-}
-
-/// The report, `raven-diagnosis/1`.
-#[derive(Debug, Serialize)]
-pub struct Report {
-    format: &'static str,
-    #[serde(flatten, serialize_with = "with_every_key")]
-    attribution: Option<Attribution>,
-    no_diagnosis: Option<String>,
-    #[serde(rename = "where")]
-    places: Vec<Place>,
-    where_in_words: Vec<String>,
-    model_gap: Vec<Gap>,
-    against: Option<Against>,
-    motor_motion: Vec<MotorMotion>,
-    controller: Vec<ControllerDifference>,
-    recordings: Vec<String>,
-    /// SHA-256 of each.
-    recordings_sha256: Vec<String>,
-    /// Those that say how far the file's numbers are off.
-    beside: Vec<String>,
-    robot: RobotFile,
-    /// What of the recordings could not be used, in sentences.
-    lost: Vec<String>,
-    /// Why recordings may not belong to the robot or the cameras, in sentences.
-    warnings: Vec<String>,
-    unreachable: usize,
-    /// Whether an arm's recordings have images, which may show the tip.
-    #[serde(skip)]
-    has_images: bool,
-}
-
-/// The robot file that the recordings were held against.
-#[derive(Debug, Serialize)]
-struct RobotFile {
-    file: String,
-    sha256: String,
-}
-
-/// An [`Attribution`] where causes were not looked for: scripts find the same keys.
-#[derive(Serialize, Default)]
-struct NotLookedFor {
-    verdict: (),
-    effects: [(); 0],
-    misfit_accounted: (),
-    candidates: [(); 0],
-    not_observable: [(); 0],
-    minimum_detectable: [(); 0],
-    probability_too_small: (),
-    probability_outside: (),
-    file_numbers: [(); 0],
-    tolerance_parts: Spread,
-    gap: [(); 0],
-    remarks: [(); 0],
-}
-
-fn with_every_key<S: serde::Serializer>(attribution: &Option<Attribution>, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-    match attribution {
-        Some(attribution) => attribution.serialize(serializer),
-        None => NotLookedFor::default().serialize(serializer),
-    }
-}
-
-/// How far the controller's logged joint angles are from transmission kinematics by the numbers it then had.
-#[derive(Debug, Serialize)]
-struct ControllerDifference {
-    joint: String,
-    unit: &'static str,
-    largest: f64,
 }
 
 /// Prints the library of effects, as `docs/effects.md` has it.
@@ -338,87 +269,6 @@ const NO_CAUSES_OF_BENCH: &str = "Causes of a bench's gap to a simulation are no
 /// Steps of a search that finds two effects.
 const STEPS: u64 = 6;
 
-impl Report {
-    /// Takes in what recordings say of causes, or why they say nothing.
-    fn add(&mut self, found: Result<Attribution>) -> Result<()> {
-        match found {
-            Ok(mut attribution) => {
-                if let Some((against, side)) = self.against.as_mut().zip(attribution.side) {
-                    against.effects_of = Some(side);
-                    attribution.remarks.push(against.remark(side));
-                }
-                self.attribution = Some(attribution);
-            }
-            Err(Error::Data(because)) => self.no_diagnosis = Some(because),
-            Err(error) => return Err(error),
-        }
-        Ok(())
-    }
-
-    /// The page of the gap with what else there is to say.
-    fn page(&self, of_gap: report::Page, robot: &Robot, args: &Args) -> report::Page {
-        let mut page = of_gap;
-        page.motors.clone_from(&self.motor_motion);
-        page.remarks.extend(self.warnings.iter().chain(&self.lost).chain(&self.no_diagnosis).cloned());
-        if let Some(attribution) = &self.attribution {
-            let json = args.json.as_deref().filter(|json| json.as_os_str() != cli::STANDARD_OUTPUT);
-            let files = report::Files { robot: &args.robot, cameras: args.cameras.as_deref(), json };
-            report::add_causes(&mut page, attribution, robot, files);
-        }
-        page
-    }
-
-    fn new(robot: &Robot, file: RobotFile, recordings: &[Channels]) -> Self {
-        let mut report = Self {
-            format: "raven-diagnosis/1",
-            attribution: None,
-            no_diagnosis: None,
-            places: Vec::new(),
-            where_in_words: Vec::new(),
-            model_gap: gaps(robot, recordings),
-            against: None,
-            motor_motion: Vec::new(),
-            controller: Vec::new(),
-            recordings: Vec::new(),
-            recordings_sha256: Vec::new(),
-            beside: Vec::new(),
-            robot: file,
-            lost: Vec::new(),
-            warnings: Vec::new(),
-            unreachable: recordings.iter().map(|r| r.unreachable).sum(),
-            has_images: false,
-        };
-        for (j, joint) in robot.joints.iter().enumerate() {
-            let (unit, scale) = joint.display_unit();
-            let differences = recordings.iter().filter_map(|r| r.controller_difference.as_ref()?.get(j));
-            if let Some(largest) = differences.copied().reduce(f64::max) {
-                report.controller.push(ControllerDifference { joint: joint.name.clone(), unit, largest: largest * scale });
-            }
-        }
-        report
-    }
-}
-
-/// The gap of every joint and of the tip.
-fn gaps(robot: &Robot, recordings: &[Channels]) -> Vec<Gap> {
-    let of_joint = |(j, joint): (usize, &raven::robot::Joint)| {
-        let (unit, scale) = joint.display_unit();
-        let residuals: Vec<&Residuals> = recordings.iter().filter_map(|r| r.joints.get(j)).collect();
-        Gap::new(&joint.name, unit, scale, &together(&residuals))
-    };
-    let tips: Vec<&Residuals> = recordings.iter().map(|r| &r.tip).collect();
-    let joints = robot.joints.iter().enumerate().filter_map(of_joint);
-    joints.chain(Gap::new("tip", "mm", 1e3, &together(&tips))).collect()
-}
-
-fn together(recordings: &[&Residuals]) -> Residuals {
-    let mut all = Residuals::default();
-    for residuals in recordings {
-        all.extend(residuals);
-    }
-    all
-}
-
 #[cfg(test)]
 mod tests {
     use raven::log::{LogWriter, Stamp};
@@ -426,37 +276,6 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::attribution::{Point, Word};
-
-    #[test]
-    fn a_report_without_a_diagnosis_has_the_keys_of_one_with() {
-        let file = RobotFile { file: "robot.yaml".to_owned(), sha256: String::new() };
-        let mut report = Report::new(&raven::robot::nominal::gold(), file, &[]);
-        let without = json!(report);
-        report.attribution = Some(Attribution {
-            verdict: Word::Explained,
-            effects: Vec::new(),
-            misfit_accounted: None,
-            candidates: Vec::new(),
-            not_observable: Vec::new(),
-            minimum_detectable: Vec::new(),
-            probability_too_small: 0.0,
-            probability_outside: 0.0,
-            file_numbers: Vec::new(),
-            tolerance_parts: Spread::default(),
-            departures: None,
-            gap: Vec::new(),
-            remaining: Vec::new(),
-            remarks: Vec::new(),
-            side: None,
-            point: Point::default(),
-        });
-        let with = json!(report);
-        let keys = |report: &Value| report.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-        assert_eq!(keys(&without), keys(&with));
-        assert_eq!((&without["verdict"], &without["effects"], &without["motor_motion"]), (&Value::Null, &json!([]), &json!([])));
-        assert_eq!(with["verdict"], "explained");
-    }
 
     #[test]
     fn what_could_not_be_used_is_told() {
