@@ -58,12 +58,11 @@ pub struct Found {
 }
 
 impl Tolerances {
-    /// Of the numbers of `robot` that move the tips of `sessions`, less the `unknowns` and what belongs to the cameras; and how far one tolerance of
-    /// each moves them, the links at rest.
+    /// Of the numbers of `robot`, less the `unknowns` and what belongs to the cameras.
     ///
     /// # Errors
-    /// If the robot is no arm, or a tolerance is one that no such hardware has.
-    pub fn of(robot: &Robot, unknowns: &[Unknown], sessions: &[Session]) -> Result<(Self, Vec<Flaw>)> {
+    /// If a tolerance is one that no such hardware has.
+    pub fn beside(robot: &Robot, unknowns: &[Unknown]) -> Result<Self> {
         let mut beside = Vec::new();
         for number in Sited::all(robot).into_iter().flat_map(|sited| Number::all(robot, sited)) {
             let changed = number.off(robot, STEP)?;
@@ -72,9 +71,18 @@ impl Tolerances {
                 beside.push(number);
             }
         }
-        let flaws = Self(beside.clone()).flaws(robot, sessions, Links::AtRest)?;
+        Ok(Self(beside))
+    }
+
+    /// Of those numbers that move the tips of `sessions`; and how far one tolerance of each moves them, the links at rest.
+    ///
+    /// # Errors
+    /// If the robot is no arm, or a tolerance is one that no such hardware has.
+    pub fn of(robot: &Robot, unknowns: &[Unknown], sessions: &[Session]) -> Result<(Self, Vec<Flaw>)> {
+        let beside = Self::beside(robot, unknowns)?;
+        let flaws = beside.flaws(robot, sessions, Links::AtRest)?;
         let shows = |number: &Number, flaw: &Flaw| number.swings() || flaw.iter().any(|moved| *moved != Vector3::zeros());
-        let (numbers, flaws) = beside.into_iter().zip(flaws).filter(|(number, flaw)| shows(number, flaw)).unzip();
+        let (numbers, flaws) = beside.0.into_iter().zip(flaws).filter(|(number, flaw)| shows(number, flaw)).unzip();
         Ok((Self(numbers), flaws))
     }
 
@@ -83,14 +91,26 @@ impl Tolerances {
     /// # Errors
     /// If a number cannot be what its tolerance allows.
     pub fn flaws(&self, robot: &Robot, sessions: &[Session], links: Links) -> Result<Vec<Flaw>> {
+        self.slopes(robot, |robot, swings| {
+            let predictor = Predictor::new(robot)?;
+            let rolls = links == Links::Rolling && swings;
+            let lag = |session| rolls.then(|| predictor.session_lag(session));
+            Ok(sessions.iter().flat_map(|session| predictor.session_m(session, lag(session).as_deref())).collect())
+        })
+    }
+
+    /// How far one tolerance of each moves what is `measured` of a robot near that of the file. Told with the robot is whether its number changes how
+    /// links swing about their rest.
+    ///
+    /// # Errors
+    /// If a number cannot be what its tolerance allows, or what is measured cannot be computed.
+    pub(crate) fn slopes(
+        &self,
+        robot: &Robot,
+        measured: impl Fn(&Robot, bool) -> Result<Vec<Vector3<f64>>> + Sync,
+    ) -> Result<Vec<Vec<Vector3<f64>>>> {
         let slope = |number: &Number| {
-            let seen_m = |tolerances: f64| -> Result<Flaw> {
-                let predictor = Predictor::new(&number.off(robot, tolerances)?)?;
-                let rolls = links == Links::Rolling && number.swings();
-                let lag = |session| rolls.then(|| predictor.session_lag(session));
-                Ok(sessions.iter().flat_map(|session| predictor.session_m(session, lag(session).as_deref())).collect())
-            };
-            let [behind, ahead] = [-STEP, STEP].map(seen_m);
+            let [behind, ahead] = [-STEP, STEP].map(|tolerances| measured(&number.off(robot, tolerances)?, number.swings()));
             Ok(ahead?.iter().zip(&behind?).map(|(ahead, behind)| (ahead - behind) / (2.0 * STEP)).collect())
         };
         self.0.par_iter().map(slope).collect()

@@ -1,8 +1,9 @@
 //! Proposes the motion that would identify what is missing, and says what no such motion will.
 //!
 //! Twelve candidate motions are rolled out with the robot file and scored by what a nominal pair of cameras would then know of the wanted
-//! unknowns. The proposal takes one after the other: each time the one that lowers the sum of their expected posterior variances most,
-//! in units of the prior's. An unknown that no motion shows does not move that sum, so it does not decide.
+//! unknowns, beside the file's other numbers, which are known to their tolerances. The proposal takes one after the other: each time the one
+//! that lowers the sum of their expected posterior variances most, in units of the prior's. An unknown that no motion shows does not move that
+//! sum, so it does not decide.
 
 pub mod candidates;
 pub mod motion;
@@ -25,6 +26,7 @@ use crate::args::Excite;
 use crate::batch::IDENTIFIED_BELOW;
 use crate::parameters::Selection;
 use crate::priors::{self, Unknown};
+use crate::tolerances::Tolerances;
 use candidates::{ALL, Candidate};
 use motion::{Plan, motors, speed_max};
 use report::{Line, Report};
@@ -63,7 +65,8 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     let names = args.parameters.clone().unwrap_or_else(|| ["r_l", "offset", "k_e", "b_e", "F_c", "latency"].map(str::to_owned).to_vec());
     let unknowns = priors::unknowns(&robot, &Selection::named(&names)?, &Quality::default())?;
     let spinner = cli::spinner("trying motions");
-    let lab = Lab { robot: &robot, unknowns: &unknowns, limits, fastest: speed_max(&robot) };
+    let beside = Tolerances::beside(&robot, &unknowns)?;
+    let lab = Lab { robot: &robot, unknowns: &unknowns, beside: &beside, limits, fastest: speed_max(&robot) };
     let found = lab.proposal(args.duration).and_then(|proposal| {
         let report = (args.json.is_some() || has_table && !args.table).then(|| lab.report(&proposal, args.duration)).transpose()?;
         let text = match &report {
@@ -86,6 +89,8 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
 struct Lab<'a> {
     robot: &'a Robot,
     unknowns: &'a [Unknown],
+    /// The file's other numbers.
+    beside: &'a Tolerances,
     limits: raven::simulation::Limits,
     fastest: Vector3<f64>,
 }
@@ -106,7 +111,8 @@ impl Lab<'_> {
             self.information(length_s, Sensor::Camera(CAMERA_HZ), |t| segment.at(t))
         };
         let told: Vec<DMatrix<f64>> = ALL.par_iter().map(alone).collect::<Result<_>>()?;
-        let mut sum = DMatrix::zeros(self.unknowns.len(), self.unknowns.len());
+        let n = self.unknowns.len() + self.beside.len();
+        let mut sum = DMatrix::zeros(n, n);
         let mut pieces = Vec::new();
         for _ in 0..count as usize {
             let left = |i: &usize| self.unknown_variance(&(&sum + &told[*i]));
@@ -130,7 +136,7 @@ impl Lab<'_> {
 
     fn information(&self, duration_s: f64, sensor: Sensor, set_point: impl Fn(f64) -> Vector3<f64>) -> Result<DMatrix<f64>> {
         let track = motors(&self.robot.arm()?.transmission, duration_s, set_point);
-        information(self.robot, self.unknowns, &track, sensor)
+        information(self.robot, self.unknowns, self.beside, &track, sensor)
     }
 
     fn report(&self, proposal: &Proposal, duration_s: f64) -> Result<Report> {

@@ -54,7 +54,8 @@ impl Report {
     pub fn text(&self) -> String {
         let Self { sinusoid_s, duration_s, camera_hz, fast_camera_hz, .. } = self;
         let mut text = format!(
-            "expected posterior/prior deviation; cameras: 0.1 mm across, 1.5 mm in depth, {camera_hz:.0} Hz\n\
+            "expected posterior/prior deviation, the file's other numbers known to their tolerances; cameras: 0.1 mm across, 1.5 mm in depth, \
+             {camera_hz:.0} Hz\n\
              {:<15} {:>12} {:>12} {:>14} {:>16}\n{:<15} {:>12} {:>12} {:>14} {:>16}\n",
             "parameter",
             "sinusoid",

@@ -14,6 +14,7 @@ use crate::motion::Motion;
 use crate::prediction::Predictor;
 use crate::priors::Unknown;
 use crate::problem::Problem;
+use crate::tolerances::Tolerances;
 
 /// Noise of the nominal pair of webcams in frame 0 [m], whose y axis is the depth: a tenth of a pixel at 0.4 m.
 const CAMERA_M: Vector3<f64> = Vector3::new(1e-4, 1.5e-3, 1e-4);
@@ -31,19 +32,21 @@ pub enum Sensor {
     JointEncoders(f64),
 }
 
-/// Information per prior deviation of the unknowns, without the prior.
+/// Information per prior deviation of the unknowns and, after them, per tolerance of the numbers beside them, without the prior.
 ///
 /// # Errors
-/// If the robot is no arm.
-pub fn information(robot: &Robot, unknowns: &[Unknown], track: &MotorTrack, sensor: Sensor) -> Result<DMatrix<f64>> {
-    let n = unknowns.len();
+/// If the robot is no arm, or a tolerance is one that no such hardware has.
+pub fn information(robot: &Robot, unknowns: &[Unknown], beside: &Tolerances, track: &MotorTrack, sensor: Sensor) -> Result<DMatrix<f64>> {
+    let n = unknowns.len() + beside.len();
     let Some(motion) = Motion::new(track.clone(), f64::INFINITY) else { return Ok(DMatrix::zeros(n, n)) };
     let problem = Problem::new(robot, unknowns, &[])?;
-    let measured = |z: &DVector<f64>| measured(&problem.robot(z), &motion, sensor);
-    let z = DVector::zeros(n);
-    let here = measured(&z)?;
-    let column = |k: usize| forward_difference(measured, &here, &z, k);
-    Ok(cramer_rao::information(&(0..n).into_par_iter().map(column).collect::<Result<_>>()?))
+    let seen = |z: &DVector<f64>| measured(&problem.robot(z), &motion, sensor);
+    let z = DVector::zeros(unknowns.len());
+    let here = seen(&z)?;
+    let column = |k: usize| forward_difference(seen, &here, &z, k);
+    let mut jacobian: Vec<_> = (0..unknowns.len()).into_par_iter().map(column).collect::<Result<_>>()?;
+    jacobian.extend(beside.slopes(robot, |robot, _| measured(robot, &motion, sensor))?);
+    Ok(cramer_rao::information(&jacobian))
 }
 
 /// Measurements over their noise.

@@ -11,7 +11,7 @@ use raven::simulation::{Motion, Trajectory};
 
 use super::score::Sensor;
 use super::{CAMERA_HZ, Lab, Proposal};
-use crate::identifiability::cramer_rao::Scaled;
+use crate::identifiability::cramer_rao::{Scaled, beside_known};
 
 /// Any one point-to-point motion is as good as another.
 const SEED: u64 = 7;
@@ -43,5 +43,6 @@ pub fn table(lab: &Lab<'_>, proposal: &Proposal, duration_s: f64) -> Result<Stri
 }
 
 fn bounds(lab: &Lab<'_>, duration_s: f64, set_point: impl Fn(f64) -> Vector3<f64>) -> Result<Vec<f64>> {
-    Ok(Scaled::new(&lab.information(duration_s, Sensor::Camera(CAMERA_HZ), set_point)?).with_all())
+    let information = lab.information(duration_s, Sensor::Camera(CAMERA_HZ), set_point)?;
+    Ok(Scaled::new(&beside_known(&information, lab.unknowns.len())).with_all())
 }

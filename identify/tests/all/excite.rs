@@ -3,12 +3,16 @@
 use std::path::Path;
 
 use clap::Parser;
-use raven::robot::nominal;
+use raven::robot::{Robot, nominal};
 use raven_identify::{Args, run};
 
 fn excite(folder: &Path, more: &[&str]) -> String {
+    excite_arm(&nominal::gold(), folder, more)
+}
+
+fn excite_arm(robot_file: &Robot, folder: &Path, more: &[&str]) -> String {
     let robot = folder.join("robot.yaml");
-    nominal::gold().write(&robot).unwrap();
+    robot_file.write(&robot).unwrap();
     let line = ["raven-identify", "excite", "--duration", "12", "--robot"].iter().map(|s| (*s).into());
     let line = line.chain([robot.into_os_string()]).chain(more.iter().map(|s| (*s).into()));
     let mut out = Vec::new();
@@ -81,4 +85,20 @@ fn a_script_reads_what_people_do() {
     assert!((result["duration_s"].as_f64().unwrap() - 12.0).abs() < 0.2 && result["camera_hz"].as_f64() == Some(15.0));
 
     assert_eq!(excite(folder.path(), &[&arguments[..], &["-"]].concat()), text);
+}
+
+/// A tool that is longer and an insertion that stops earlier are the same: what is known of the stop is what is known of their sum and of the tool.
+#[test]
+fn nothing_is_expected_to_be_known_better_than_what_stands_in_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut robot = nominal::gold();
+    let mut known_mm = |tool_m: f64| -> f64 {
+        robot.tolerances.tool_length_m = tool_m;
+        let table = excite_arm(&robot, folder.path(), &["--parameters", "r_l3,offset_3", "--table"]);
+        let line = table.lines().find(|line| line.starts_with("| `offset_3` | mm |")).unwrap();
+        line.split('|').nth(3).unwrap().trim().parse().unwrap()
+    };
+    let [alone, beside] = [1e-7, 5e-4].map(&mut known_mm);
+    assert!((0.1..1.0).contains(&alone), "{alone}");
+    assert!((beside - alone.hypot(0.5)).abs() < 0.01 * beside, "{beside} beside {alone}");
 }
