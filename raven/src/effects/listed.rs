@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::{Effect, Measure, Model, Parameter, Scope, Sited};
+use super::{Effect, Measure, Model, Parameter, Place, Scope, Sited};
 use crate::robot::{JointType, KinematicsKind, ListedEffect, MotorLaws, Robot, nominal};
 use crate::{Error, Result};
 
@@ -141,6 +141,13 @@ pub(crate) fn check_listed(robot: &Robot) -> Result<(), String> {
     Ok(())
 }
 
+/// The deviation of what the motion before a recording left of an effect, where a robot file lists that at a joint: every recording begins anew.
+pub(super) fn left(robot: &Robot, id: &str, place: Place, deviation: f64) -> f64 {
+    let joint = robot.joints.get(place.first).map(|joint| &joint.name);
+    let is_listed = robot.effects.iter().any(|listed| listed.id == id && listed.joint.as_ref() == joint);
+    if is_listed { deviation } else { 0.0 }
+}
+
 /// What the listed effects of a robot make of recorded motors.
 ///
 /// # Errors
@@ -149,7 +156,7 @@ pub(crate) fn motor_laws(robot: &Robot) -> Result<MotorLaws> {
     if robot.effects.is_empty() {
         return Ok(MotorLaws::default());
     }
-    Ok(MotorLaws::from(Model::bare(robot).with_listed(robot)?.motors))
+    Ok(MotorLaws::from(Model::bare(robot).with_listed(robot, &[])?.motors))
 }
 
 /// By how much per second the cameras' clock drifts from the robot's: an image stamped `t` shows the robot at `t - latency - drift t`.
@@ -157,7 +164,7 @@ pub(crate) fn motor_laws(robot: &Robot) -> Result<MotorLaws> {
 /// # Errors
 /// If the list makes no sense.
 pub fn clock_drift(robot: &Robot) -> Result<f64> {
-    Ok(Model::bare(robot).with_listed(robot)?.view.drift)
+    Ok(Model::bare(robot).with_listed(robot, &[])?.view.drift)
 }
 
 /// Listed effects that move what the two images show apart. Whoever takes the tip for one point at one time has to leave them out.

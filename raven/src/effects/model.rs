@@ -48,6 +48,15 @@ impl Model {
     /// # Errors
     /// If an arm lacks what an arm needs, a bench has no joints or more than three, or the list names an effect that makes no sense.
     pub fn new(robot: &Robot, cameras: Option<&Cameras>) -> Result<Self> {
+        Self::with_effects(robot, cameras, &[])
+    }
+
+    /// The same with more effects built in, each at `u` of its parameters (see [`super::Parameter`]). What the motion before a recording left
+    /// ([`super::Scale::State`]) is one number of an effect and of what the file lists as the same effect at the same place.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_effects(robot: &Robot, cameras: Option<&Cameras>, effects: &[(Sited, Vec<f64>)]) -> Result<Self> {
         let mut model = Self::bare(robot);
         let (motor_at_hard_stop, tip_at_hard_stop_m) = match &robot.kinematics {
             KinematicsKind::Raven(kinematics) => {
@@ -65,7 +74,8 @@ impl Model {
             joint.motor_at_hard_stop = Some(motor);
         }
         model.view = View::new(cameras, tip_at_hard_stop_m, &robot.observation);
-        model.with_listed(robot)
+        let model = model.with_listed(robot, effects)?;
+        Ok(effects.iter().fold(model, |model, (sited, u)| model.with(sited, u)))
     }
 
     /// Of a robot file that need not be complete, seen by nothing, without what it lists.
@@ -76,10 +86,14 @@ impl Model {
         Self { robot, motors: Vec::new(), drives: [Drive::default(); 3], view }
     }
 
-    /// With the effects that `robot` lists.
-    pub(super) fn with_listed(mut self, robot: &Robot) -> Result<Self> {
+    /// With the effects that `robot` lists, which begin as those of `effects` that are the same do.
+    pub(super) fn with_listed(mut self, robot: &Robot, effects: &[(Sited, Vec<f64>)]) -> Result<Self> {
         for listed in &robot.effects {
-            let (sited, values) = Sited::from_listed(robot, listed)?;
+            let (sited, mut values) = Sited::from_listed(robot, listed)?;
+            for (same, u) in effects.iter().filter(|(other, _)| other.effect.id == sited.effect.id && other.place == sited.place) {
+                let begun = values.iter_mut().zip(same.values(u)).zip(same.effect.parameters);
+                begun.filter(|(_, parameter)| parameter.scale.is_state()).for_each(|((value, begins), _)| *value += begins);
+            }
             self = self.with_values(&sited, &values);
         }
         Ok(self)

@@ -140,7 +140,7 @@ impl Coordinates {
         self.of(effect).filter(|&c| self.parameter(c).scale.is_size() && !self.all[c].is_unknown())
     }
 
-    /// The model's settings at a point; effects that do not change anything are left out.
+    /// The model's settings at a point; effects that do not change anything are left out. One of a file's effects changes how that begins.
     #[must_use]
     pub fn settings(&self, u: &[f64]) -> Vec<Setting> {
         let mut settings = Vec::new();
@@ -148,7 +148,8 @@ impl Coordinates {
         for sited in &self.sited {
             let count = sited.effect.parameters.len();
             let own = &u[at..at + count];
-            if acts(sited.effect, own) {
+            let begins = |c: usize| self.all[c].spike.is_some() && self.parameter(c).scale.is_state() && u[c] != 0.0;
+            if acts(sited.effect, own) || (at..at + count).any(begins) {
                 settings.push((*sited, own.to_vec()));
             }
             at += count;

@@ -190,7 +190,7 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// If the robot is no arm.
     pub fn model(&self, settings: &[Setting]) -> Result<Model> {
-        Ok(settings.iter().fold(Model::new(self.robot, self.cameras)?, |model, (sited, u)| model.with(sited, u)))
+        Model::with_effects(self.robot, self.cameras, settings)
     }
 }
 

@@ -222,7 +222,7 @@ impl Fitter<'_> {
         let coordinates: Vec<usize> = own.iter().copied().chain(kept.iter().map(|&k| base.free[k])).collect();
         let precision = self.precision(&coordinates, &effects);
         // By other slopes of its numbers the point's own hypothesis promises something else.
-        let is_free_there = shift.is_none() && coordinates.len() == base.free.len();
+        let is_free_there = shift.is_none() && coordinates.len() == base.free.len() && own.iter().all(|c| base.free.contains(c));
         let promised = if is_free_there { self.promised(point, &model, &coordinates) } else { point.promised };
         let at = DVector::from_iterator(coordinates.len(), coordinates.iter().map(|&c| u[c]));
         let (free_step, free_cost) = model.minimum(&at, &precision)?;

@@ -22,6 +22,39 @@ fn what_is_geometry_is_right_and_leaves_nothing_to_make_good() {
     assert_eq!(named_beside("lens-distortion"), ["lens-distortion", "rolling-shutter"]);
 }
 
+#[test]
+fn what_is_found_beside_an_effect_of_the_file_is_held_to_what_a_second_one_is() {
+    // Errors that are alike over a block of time, beside an effect that moves all tips alike.
+    let named = |moved: f64, half_loop: f64| {
+        let mut rows = Seen::new(&[("joint-offset", [2, 0])], move |numbers: &[Option<&[f64]>], _: Links| {
+            let so_far = numbers[0].map_or(0.0, |u| u[0]);
+            tips(|k| 0.5 * (moved - so_far) + 0.2 * (k * std::f64::consts::TAU / 180.0).cos())
+        });
+        rows.robot.joints[0].hysteresis.half_loop = half_loop;
+        rows.named()
+    };
+    assert_eq!(named(0.25, 0.0), ["joint-offset"]);
+    assert_eq!(named(0.25, 0.01), [""; 0]);
+    assert_eq!(named(1.0, 0.01), ["joint-offset"]);
+}
+
+#[test]
+fn how_an_effect_of_the_file_begins_is_no_effect() {
+    let named = |listed: bool| {
+        let mut rows = Seen::new(&[("creep", [1, 0])], |numbers: &[Option<&[f64]>], _: Links| {
+            let so_far = numbers[0].map_or(0.0, |u| u[0] + u[2]);
+            tips(|k| (0.8 - so_far) * (-k / 100.0).exp())
+        });
+        if listed {
+            let creep = Sited::at(&rows.robot, "creep", Some("elbow")).unwrap();
+            rows.robot = creep.added_to(&rows.robot, None, &[1e-3, 30.0, 0.0]).unwrap();
+        }
+        rows.named()
+    };
+    assert_eq!(named(false), ["creep"]);
+    assert_eq!(named(true), [""; 0]);
+}
+
 /// Asserts that a damper is worth a fit beside an offset, where settled links have of it what it does to `settled`.
 fn assert_damper_is_seen(settled: fn(f64) -> f64) {
     let rows = Seen::new(&[("joint-offset", [0, 0]), ("cable-damping", [1, 0])], move |numbers: &[Option<&[f64]>], links| {

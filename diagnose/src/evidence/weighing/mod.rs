@@ -11,6 +11,7 @@ mod paired;
 use std::collections::BTreeMap;
 
 use raven::Result;
+use raven::robot::{Hysteresis, Joint};
 use rayon::prelude::*;
 
 use crate::evidence::fit::{Fitter, Hypothesis, side_by_side};
@@ -124,10 +125,18 @@ impl Fitter<'_> {
     fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {
         let without = |left_out: &usize| {
             let effects = hypothesis.all_but(*left_out);
-            outcome.fitted.get(&effects).filter(|_| !effects.is_empty())
+            outcome.fitted.get(&effects).filter(|_| !effects.is_empty() || self.file_has_effects())
         };
         let is_needed = |poorer: &Hypothesis| self.is_material(outcome, hypothesis, poorer) && self.outweighs(outcome, hypothesis, poorer);
         hypothesis.effects.iter().filter_map(without).any(|(poorer, _)| !is_needed(poorer))
+    }
+
+    /// Whether the file is more than a nominal model: it lists effects, or has numbers that were estimated from recordings. What is found beside these is
+    /// held to what a second effect is.
+    fn file_has_effects(&self) -> bool {
+        let robot = self.rows.robot();
+        let turns_back = |joint: &Joint| joint.hysteresis != Hysteresis::default();
+        !robot.effects.is_empty() || !robot.calibration.is_empty() || robot.joints.iter().any(turns_back)
     }
 
     /// Whether a hypothesis is more probable than a poorer one when residuals that are alike over time count for what they hold.

@@ -1,7 +1,11 @@
 //! Micro-slip on the capstan above a force: ratchets with travel under load.
 
+use super::super::listed::left;
 use super::super::tension::under_tension;
 use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
+
+/// Deviation of the travel before a recording [m].
+const LEFT: f64 = 0.1;
 
 /// cable-slip.
 pub const EFFECT: Effect = Effect {
@@ -16,7 +20,12 @@ pub const EFFECT: Effect = Effect {
         // no better than the joint's friction, a sharp limit fits whatever instants of the recording suit it.
         Parameter { name: "width", unit: "1", scale: Scale::Shape { middle: 0.05, size: 1.0 }, tolerance: None },
         // Towards the load less against it: the way from the hard stop, say.
-        Parameter { name: "travel_before", unit: "m", scale: Scale::State { size: 0.1, most: f64::INFINITY }, tolerance: None },
+        Parameter {
+            name: "travel_before",
+            unit: "m",
+            scale: Scale::State { size: LEFT, most: f64::INFINITY },
+            tolerance: Some(|robot, place| left(robot, "cable-slip", place, LEFT)),
+        },
     ],
     channels: &[Channel::Tip],
     needs: &[Need::Load],

@@ -1,7 +1,11 @@
 //! Slow stretch that follows the load: a Kelvin-Voigt element in series with the cable.
 
+use super::super::listed::left;
 use super::super::tension::under_tension;
 use super::super::{Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
+
+/// Deviation of the part that had not settled as a recording began.
+const LEFT: f64 = 0.7;
 
 /// creep.
 pub const EFFECT: Effect = Effect {
@@ -14,7 +18,12 @@ pub const EFFECT: Effect = Effect {
         Parameter { name: "ratio", unit: "1/cable stretch", scale: Scale::Magnitude(Size::of(1.5e-3)), tolerance: None },
         Parameter { name: "time", unit: "s", scale: Scale::Shape { middle: 30.0, size: 0.7 }, tolerance: None },
         // 0 for a robot that has stood there, 1 for one that was without load until then.
-        Parameter { name: "fresh_part", unit: "1", scale: Scale::State { size: 0.7, most: f64::INFINITY }, tolerance: None },
+        Parameter {
+            name: "fresh_part",
+            unit: "1",
+            scale: Scale::State { size: LEFT, most: f64::INFINITY },
+            tolerance: Some(|robot, place| left(robot, "creep", place, LEFT)),
+        },
     ],
     channels: &[Channel::Tip],
     needs: &[Need::Cable],

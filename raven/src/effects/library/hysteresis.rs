@@ -1,7 +1,10 @@
 //! Rate-independent play between capstan and cable: a loop after every reversal, whatever the load.
 
-use super::super::{Channel, Effect, Parameter, Scale, Scope, Size, Stage, Tie};
-use crate::robot::{Hysteresis, KinematicsKind};
+use super::super::{Channel, Effect, Parameter, Place, Scale, Scope, Size, Stage, Tie};
+use crate::robot::{Hysteresis, KinematicsKind, Robot};
+
+/// Deviation of the lag that the motion before a recording left, of half the loop.
+const LEFT: f64 = 0.7;
 
 /// hysteresis.
 pub const EFFECT: Effect = Effect {
@@ -15,7 +18,7 @@ pub const EFFECT: Effect = Effect {
         // Of the way back on an arm: straight, as all of a sharp play's, per rounded, as all of Dahl's.
         Parameter { name: "straightness", unit: "1", scale: Scale::Shape { middle: 1.6, size: 1.5 }, tolerance: None },
         // What the motion before the recording left.
-        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State { size: 0.7, most: 1.0 }, tolerance: None },
+        Parameter { name: "lag_at_start", unit: "1", scale: Scale::State { size: LEFT, most: 1.0 }, tolerance: Some(lag_left) },
     ],
     channels: &[Channel::Tip],
     needs: &[],
@@ -35,7 +38,13 @@ pub const EFFECT: Effect = Effect {
             half_loop,
             length: shaped(own.length, values[1] * values[0]),
             straight_part: shaped(own.straight_part, straight_part),
-            lag_at_start: shaped(own.lag_at_start, values[3]),
+            lag_at_start: (own.lag_at_start + values[3]).clamp(-1.0, 1.0),
         };
     },
 };
+
+/// Where in its loop the motion before a recording left a cable, nobody knows.
+fn lag_left(robot: &Robot, place: Place) -> f64 {
+    let has_loop = robot.joints.get(place.first).is_some_and(|joint| joint.hysteresis.half_loop > 0.0);
+    if has_loop { LEFT } else { 0.0 }
+}

@@ -138,7 +138,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// If the robot is no bench.
     pub fn model(&self, settings: &[Setting]) -> Result<Model> {
-        Ok(settings.iter().fold(Model::new(self.robot, None)?, |model, (sited, u)| model.with(sited, u)))
+        Model::with_effects(self.robot, None, settings)
     }
 
     /// Measured less predicted joints [rad or m] and torques [N m or N] of every recording, sample by sample; and what turns the torques'
