@@ -107,7 +107,9 @@ pub(super) fn closures(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hy
             let sample = of_subset[0][k];
             let of_channel = &mut squares[sample.channel];
             of_channel.block.push((sample.recording << 32) + block(sample.time_s));
-            of_channel.floor.push(sample.variance);
+            // Where noise is told from what is left, a model that leaves less tells it better.
+            let variances = of_subset.iter().chain([&retuned]).map(|samples| samples[k].variance);
+            of_channel.floor.push(variances.fold(f64::INFINITY, f64::min));
             of_channel.retuned.push(retuned[k].error.powi(2));
             of_subset.iter().zip(&mut of_channel.of_subset).for_each(|(samples, squares)| squares.push(samples[k].error.powi(2)));
             pairs.extend(of_subset.last().map(|last| (sample, last[k].error)));

@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 use raven::Result;
-use raven::effects::{Channel, TipModel, TorqueModel};
+use raven::effects::{Channel, Shaft, TipModel, TorqueModel};
 
 use super::{Measured, Sample, Sampled};
+use crate::evidence::recorded::noise::{far_apart, white_noise};
 use crate::evidence::recorded::rows::{Inflation, Observed, Rows, Setting};
 
 /// Place of the tip among the channels; the joints come before, their torques after.
@@ -44,16 +45,23 @@ impl Sampled for Rows<'_> {
                 samples.extend((0..3).map(|j| of(j, joint[j], covariance[(j, j)], rate[j])));
                 samples.push(of(TIP, error.norm(), sight.covariance_m2.trace(), 0.0));
             }
-            for ((shaft, tension), weight) in data.shafts.iter().zip(tensions).zip(self.torque_weights(recording)) {
+            let lacking = |(shaft, tension): (&Shaft, Option<Vector3<f64>>)| {
                 let tension_n = tension.unwrap_or_else(|| torque.rigid_n(shaft));
-                let error = torque.delivered(&shaft.commanded) - torque.needed(shaft, &tension_n);
+                torque.delivered(&shaft.commanded) - torque.needed(shaft, &tension_n)
+            };
+            let errors: Vec<Vector3<f64>> = data.shafts.iter().zip(tensions).map(lacking).collect();
+            let apart = far_apart(data.shafts.iter().map(|shaft| shaft.time_s));
+            let weights = self.torque_weights(recording);
+            let counted = |j: usize| apart.iter().filter(|&&k| weights[k][j] > 0.0).map(|&k| errors[k][j]).collect::<Vec<f64>>();
+            let noise = [0, 1, 2].map(|j| white_noise(&counted(j)));
+            for ((shaft, error), weight) in data.shafts.iter().zip(&errors).zip(weights) {
                 let rate = transmission.joint_rate_from_motor(&shaft.rate);
                 let of = |j: usize| Sample {
                     channel: TIP + 1 + j,
                     recording,
                     time_s: shaft.time_s,
                     error: error[j],
-                    variance: 0.0,
+                    variance: noise[j].powi(2),
                     rate: rate[j],
                 };
                 samples.extend((0..3).filter(|&j| weight[j] > 0.0).map(of));

@@ -5,6 +5,7 @@ use raven::effects::{Channel, Measure};
 
 use super::{Measured, Sample, Sampled};
 use crate::evidence::recorded::bench::Bench;
+use crate::evidence::recorded::noise::{far_apart, white_noise};
 use crate::evidence::recorded::rows::{ALL, Observed, Setting};
 
 impl Sampled for Bench<'_> {
@@ -28,7 +29,11 @@ impl Sampled for Bench<'_> {
         let mut samples = Vec::new();
         for (recording, (errors, _)) in self.errors(settings, &ALL)?.into_iter().enumerate() {
             let recorded = &self.recordings()[recording];
-            for ((driven, [position, torque, _]), weights) in recorded.driven.iter().zip(errors).zip(self.weights(recording)) {
+            let apart = far_apart(recorded.driven.iter().map(|driven| driven.shaft.time_s));
+            let weights = self.weights(recording);
+            let counted = |j: usize| apart.iter().filter(|&&k| weights[k][1][j] > 0.0).map(|&k| errors[k][1][j]).collect::<Vec<f64>>();
+            let noise: Vec<f64> = (0..joints).map(|j| white_noise(&counted(j))).collect();
+            for ((driven, [position, torque, _]), weights) in recorded.driven.iter().zip(errors).zip(weights) {
                 let rate = |j: usize| driven.shaft.rate[j] / self.robot().joints[j].ratio();
                 let of = |channel, j: usize, error, variance| Sample {
                     channel,
@@ -40,7 +45,7 @@ impl Sampled for Bench<'_> {
                 };
                 let counted = |k: usize| (0..joints).filter(move |&j| weights[k][j] > 0.0);
                 samples.extend(counted(0).map(|j| of(j, j, position[j], recorded.joint_noise[j].powi(2))));
-                samples.extend(counted(1).map(|j| of(joints + j, j, torque[j], 0.0)));
+                samples.extend(counted(1).map(|j| of(joints + j, j, torque[j], noise[j].powi(2))));
             }
         }
         Ok(samples)

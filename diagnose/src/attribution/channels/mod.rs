@@ -36,7 +36,7 @@ pub(super) struct Sample {
     pub time_s: f64,
     /// Measured less modelled; NaN where the model has nothing.
     pub error: f64,
-    /// Variance of the measurement's noise.
+    /// Variance of the measurement's noise; of a torque, the white part of its errors.
     pub variance: f64,
     /// Speed of the joint [rad/s or m/s]; 0 for the tip.
     pub rate: f64,

@@ -37,6 +37,8 @@ fn friction_in_a_drive_closes_its_force_and_the_stretch_that_follows_from_it() {
     assert!((force.before - 7.5).abs() < 0.5, "{force:?}");
     let [low, high] = force.closed_ci95.unwrap();
     assert!(force.closed.unwrap() > 0.95 && low <= force.closed.unwrap() && force.closed.unwrap() <= high, "{force:?}");
+    // Nobody states the noise of a force. Nothing of friction that the file lacks counts as such.
+    assert!(force.noise_floor > 0.0 && force.noise_floor < 1.05 * force.after, "{force:?}");
     let position = channel(&attribution, "carriage");
     // The cable of 2 x 5000 N/m seemed to be pulled by those 7.5 N.
     assert!(position.unit == "mm" && (position.before - 0.75).abs() < 0.05 && position.after < 0.05, "{position:?}");

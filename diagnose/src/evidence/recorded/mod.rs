@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod data;
+pub(crate) mod noise;
 pub mod rows;
 mod tensions;
 pub mod torques;

@@ -7,9 +7,10 @@ use raven::log::Recording;
 use raven::robot::Robot;
 
 use super::motion::{Drives, missed};
-use super::torque::{far_apart, noise_of_torque};
+use super::torque::noise_of_torque;
 use super::{Channel, HORIZONS_S, Kind, Track, bench_factors};
 use crate::evidence::recorded::bench::Bench;
+use crate::evidence::recorded::noise::far_apart;
 use crate::evidence::recorded::torques::CREEP_RAD_S;
 
 /// What samples may depend on.
