@@ -36,7 +36,7 @@ pub struct CamerasArgs {
     #[arg(long, value_name = "COLUMNSxROWS")]
     pub board: BoardSize,
     /// Length of a square [m]; with 1 all lengths are in squares.
-    #[arg(long, value_name = "M", value_parser = square)]
+    #[arg(long, value_name = "M", value_parser = square, allow_negative_numbers = true)]
     pub square: f64,
     /// Solve for the sixth-order radial distortion too.
     #[arg(long)]

@@ -51,7 +51,7 @@ pub struct RegisterArgs {
     #[arg(long, value_name = "AXES", default_value = "x0=-y y0=z z0=-x")]
     pub rotation: String,
     /// How well a given mount is set about each axis, one sigma [deg]. By hand and eye it is about a degree.
-    #[arg(long, value_name = "DEG", default_value_t = 1.0, value_parser = degrees)]
+    #[arg(long, value_name = "DEG", default_value_t = 1.0, value_parser = degrees, allow_negative_numbers = true)]
     pub rotation_std_deg: f64,
     /// Where to write the registered cameras.
     #[arg(short, long, value_name = "FILE")]

@@ -17,10 +17,10 @@ pub struct Args {
     /// The log.
     pub file: PathBuf,
     /// Start of the part.
-    #[arg(long, value_name = "SECONDS", value_parser = not_negative, default_value = "0")]
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative, default_value = "0", allow_negative_numbers = true)]
     pub from: f64,
     /// End of the part; the end of the log if it is not given.
-    #[arg(long, value_name = "SECONDS", value_parser = not_negative)]
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative, allow_negative_numbers = true)]
     pub to: Option<f64>,
     /// The new log.
     #[arg(short, long, value_name = "FILE")]

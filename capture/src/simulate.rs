@@ -38,7 +38,7 @@ pub struct Args {
     #[arg(long, value_name = "PX", allow_negative_numbers = true)]
     pub noise: Option<f64>,
     /// Part of the time during which something hides the marker.
-    #[arg(long, default_value_t = 0.03, value_name = "PART")]
+    #[arg(long, default_value_t = 0.03, value_name = "PART", allow_negative_numbers = true)]
     pub occluded: f64,
     /// Hide an effect, as in pulley-radius:shoulder=-0.05; may be repeated. A wrong one lists them all.
     #[arg(long, value_name = "ID[:JOINT]=VALUE")]
@@ -59,10 +59,10 @@ pub struct Args {
     pub lot: Option<Lot>,
     /// Everything follows from it: the same seed gives the same bytes, and all recordings of one seed are of one lab. 7 if left off; of a sealed
     /// recording one that nobody knows.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// First stamp [s since 1970].
-    #[arg(long, default_value_t = 1_750_000_000.0, value_name = "SECONDS")]
+    #[arg(long, default_value_t = 1_750_000_000.0, value_name = "SECONDS", allow_negative_numbers = true)]
     pub start_time: f64,
     /// Write what is hidden to a file; it is never in the log.
     #[arg(long, value_name = "FILE")]

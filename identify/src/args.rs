@@ -138,7 +138,7 @@ pub struct Identify {
     #[arg(long, value_name = "ID[:JOINT][=VALUE,...]", conflicts_with_all = ["logs", "method", "horizon", "parameters", "plot"])]
     pub add_effect: Vec<String>,
     /// With --add-effect: the report that raven-diagnose --json wrote.
-    #[arg(long, value_name = "FILE", requires = "add_effect")]
+    #[arg(long, value_name = "FILE", requires = "add_effect", conflicts_with = "logs")]
     pub diagnosis: Option<PathBuf>,
 }
 

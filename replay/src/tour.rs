@@ -22,7 +22,7 @@ pub struct Args {
     /// Folder for logs, parameter files, tables and plots; made if it is not there.
     folder: PathBuf,
     /// Seed of the session: what is hidden and all noise.
-    #[arg(long, default_value_t = 7)]
+    #[arg(long, default_value_t = 7, allow_negative_numbers = true)]
     seed: u64,
     /// Length of the sinusoid that identification uses [s].
     #[arg(long, default_value_t = 40.0, value_parser = length_s, allow_negative_numbers = true)]

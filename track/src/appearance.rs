@@ -18,10 +18,10 @@ pub struct Appearance {
     #[arg(long, value_name = "FROM..TO", default_value = "90..150", value_parser = hue)]
     pub hue: [f64; 2],
     /// Least saturation of the marker, 0 to 1.
-    #[arg(long, value_name = "S", default_value_t = MarkerColour::default().min_saturation, value_parser = share)]
+    #[arg(long, value_name = "S", default_value_t = MarkerColour::default().min_saturation, value_parser = share, allow_negative_numbers = true)]
     pub min_saturation: f64,
     /// Least brightness of the marker, 0 to 1.
-    #[arg(long, value_name = "V", default_value_t = MarkerColour::default().min_value, value_parser = share)]
+    #[arg(long, value_name = "V", default_value_t = MarkerColour::default().min_value, value_parser = share, allow_negative_numbers = true)]
     pub min_value: f64,
     /// The marker's size.
     #[command(flatten)]

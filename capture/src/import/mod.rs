@@ -37,7 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "TOPIC=TOPIC", value_parser = renaming)]
     pub rename: Vec<(String, String)>,
     /// Pairs of pictures per second; a number of 16 digits or more at the end of their names is their time [ns] instead.
-    #[arg(long, value_name = "N", default_value = "1", value_parser = rate_hz)]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = rate_hz, allow_negative_numbers = true)]
     pub fps: f64,
     /// Write the result as JSON; `-` is standard output.
     #[arg(long, value_name = "FILE")]

@@ -18,13 +18,13 @@ pub struct CameraArgs {
     #[arg(long, value_name = "WxH", value_parser = size_px, default_value = "640x480")]
     pub size: [u32; 2],
     /// Frames per second.
-    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=1000), allow_negative_numbers = true)]
     pub fps: u32,
     /// mjpg is recorded as it comes from the camera, yuyv as raw images (ten times the size).
     #[arg(long, default_value = "mjpg")]
     pub format: Encoding,
     /// Exposure time to hold [ms]; if left off, what the camera finds by itself before the recording starts.
-    #[arg(long, value_name = "MS", value_parser = positive)]
+    #[arg(long, value_name = "MS", value_parser = positive, allow_negative_numbers = true)]
     pub exposure: Option<f64>,
     /// Leave exposure, focus and white balance to the camera; they are held otherwise, and put back afterwards.
     #[arg(long, conflicts_with = "exposure")]
@@ -76,13 +76,13 @@ pub struct Args {
     #[arg(long, value_name = "URI", requires = "topic")]
     pub ros_master: Option<Endpoint>,
     /// End after so long [s].
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     pub duration: Option<f64>,
     /// Begin another file after so much [MB]: NAME_000.mcap, NAME_001.mcap and so on.
-    #[arg(long, value_name = "MB", value_parser = positive)]
+    #[arg(long, value_name = "MB", value_parser = positive, allow_negative_numbers = true)]
     pub split_size: Option<f64>,
     /// Space that must stay free on the disk [MB]; below it the recording ends.
-    #[arg(long, value_name = "MB", default_value_t = 1000)]
+    #[arg(long, value_name = "MB", default_value_t = 1000, allow_negative_numbers = true)]
     pub min_space: u64,
     /// What to remember of the session, as in operator=Kim; may be repeated.
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]

@@ -54,10 +54,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Makes a sealed folder of so many recordings and checks on it; without a folder's name it is removed afterwards.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), allow_negative_numbers = true)]
     simulate: Option<u16>,
     /// Seed of the simulated recordings.
-    #[arg(long, requires = "simulate", default_value_t = 1)]
+    #[arg(long, requires = "simulate", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
     /// Diagnoses each recording as if there were no other; else how far the others find the file's numbers off counts in place of its tolerances.
     #[arg(long)]

@@ -34,7 +34,7 @@ pub struct Args {
     /// Folder for logs, tables and figures; made if it is not there.
     folder: PathBuf,
     /// Seed of the session: what is hidden and all noise.
-    #[arg(long, default_value_t = 7)]
+    #[arg(long, default_value_t = 7, allow_negative_numbers = true)]
     seed: u64,
     /// Recordings of seconds instead of minutes: shows that it runs, not how well.
     #[arg(long)]
