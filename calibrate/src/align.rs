@@ -68,8 +68,6 @@ pub struct Aligned {
     pub latency_s: f64,
     /// Sightings that agree.
     pub near: usize,
-    /// Root mean square of their distances [m].
-    pub rms_m: f64,
 }
 
 /// Why there is none.
@@ -188,8 +186,7 @@ fn refined(glimpses: &[Glimpse], latency: usize, start: Isometry3<f64>) -> Optio
         }
     }
     let distances: Vec<f64> = glimpses.iter().map(|g| nearest(g, latency, &pose).1).collect();
-    let near: Vec<f64> = distances.iter().copied().filter(|off| *off < NEAR_M).collect();
-    let rms_m = (near.iter().map(|off| off * off).sum::<f64>() / near.len().max(1) as f64).sqrt();
+    let near = distances.iter().filter(|off| **off < NEAR_M).count();
     let cost = distances.iter().map(|off| off.min(NEAR_M).powi(2)).sum();
-    Some((cost, Aligned { base_from_left: pose, latency_s: latency_s(latency), near: near.len(), rms_m }))
+    Some((cost, Aligned { base_from_left: pose, latency_s: latency_s(latency), near }))
 }

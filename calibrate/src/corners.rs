@@ -50,13 +50,7 @@ const SMALLEST_WINDOW_PX: f64 = 2.5;
 /// A larger one only costs time [px].
 const LARGEST_WINDOW_PX: f64 = 12.0;
 
-/// Finds the board in an image; `None` if it is not there, or too little of it.
-#[must_use]
-pub fn find(image: &GrayImage, size: BoardSize) -> Option<Sighting> {
-    search(image, size).0
-}
-
-/// Finds the board in an image, and says what the image showed.
+/// Finds the board in an image, `None` if it is not there, or too little of it; and says what the image showed.
 #[must_use]
 pub fn search(image: &GrayImage, size: BoardSize) -> (Option<Sighting>, Glimpse) {
     let (junctions, grid) = labelled(image);

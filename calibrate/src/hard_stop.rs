@@ -35,8 +35,6 @@ pub struct AtHardStop {
     pub covariance: Matrix3<f64>,
     /// The same without what homing may stretch [m^2].
     pub covariance_rigid: Matrix3<f64>,
-    /// The tip there as the robot file has it, frame 0 [m].
-    pub tip: Vector3<f64>,
     /// The marker, in the left camera's frame [m].
     pub place: Place,
     /// Pairs of frames at the hard stop.
@@ -81,7 +79,6 @@ pub fn register(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker, r
         base_from_left: Isometry3::from_parts(Translation3::from(translation), UnitQuaternion::from_rotation_matrix(rotation)),
         covariance: seen + stop_covariance(robot, &arm, &HOMING_STRETCH),
         covariance_rigid: seen + stop_covariance(robot, &arm, &[0.0; 3]),
-        tip: stop.tip,
         place,
         frames: gathered.frames(),
         lost: counts.lost(),

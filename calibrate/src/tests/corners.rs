@@ -7,9 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use raven::camera::Pinhole;
 use rayon::prelude::*;
 
+use super::find;
 use super::scene::Scene;
 use crate::board::{Board, BoardSize};
-use crate::corners::find;
 use crate::{junction, saddle};
 
 fn camera() -> Pinhole {

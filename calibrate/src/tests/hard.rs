@@ -6,9 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use raven::camera::Pinhole;
 use rayon::prelude::*;
 
+use super::find;
 use super::scene::Scene;
 use crate::board::{Board, BoardSize};
-use crate::corners::find;
 
 /// Boards of each kind.
 const EACH: u64 = 3;

@@ -16,3 +16,13 @@ mod real;
 mod scene;
 mod simulated;
 mod validated;
+
+use image::GrayImage;
+
+use crate::board::BoardSize;
+use crate::corners::{Sighting, search};
+
+/// The board in an image.
+fn find(image: &GrayImage, size: BoardSize) -> Option<Sighting> {
+    search(image, size).0
+}
