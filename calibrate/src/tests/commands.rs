@@ -175,6 +175,8 @@ fn wrong_arguments_are_refused_by_name() {
     let parse = |args: &[&str]| Args::try_parse_from(["raven-calibrate"].iter().chain(args)).unwrap_err().to_string();
     let millimetres = parse(&["cameras", "board.mcap", "--board", "9x6", "--square", "12"]);
     assert!(millimetres.contains("millimetres"), "{millimetres}");
+    let negative = parse(&["cameras", "board.mcap", "--board", "9x6", "--square", "-0.012"]);
+    assert!(negative.contains("-0.012 is not between"), "{negative}");
     assert!(parse(&["cameras", "board.mcap", "--board", "9", "--square", "0.012"]).contains("9x6"));
     assert!(parse(&["cameras", "--board", "9x6", "--square", "0.012"]).contains("required"));
     let board = ["cameras", "board.mcap", "--board", "9x6", "--square", "0.012"];
