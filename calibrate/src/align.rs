@@ -60,14 +60,14 @@ pub fn latency_s(place: usize) -> f64 {
 }
 
 /// A pose that the sightings agree on.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Aligned {
     /// `x_0 = R x_left + t`.
     pub base_from_left: Isometry3<f64>,
     /// The latency of the grid at which they agree best [s].
     pub latency_s: f64,
-    /// Sightings that agree.
-    pub near: usize,
+    /// Distances of the sightings that agree [m].
+    pub near_m: Vec<f64>,
 }
 
 /// Why there is none.
@@ -99,7 +99,7 @@ pub fn align(glimpses: &[Glimpse]) -> Result<Aligned, Unaligned> {
     let refined = (0..LATENCIES).filter_map(|k| refined(glimpses, k, start));
     let (_, best) = refined.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(Unaligned::NoPose(0))?;
     let enough = FEWEST.max((LEAST_PART * glimpses.len() as f64) as usize);
-    if best.near < enough { Err(Unaligned::NoPose(best.near)) } else { Ok(best) }
+    if best.near_m.len() < enough { Err(Unaligned::NoPose(best.near_m.len())) } else { Ok(best) }
 }
 
 /// The pose that maps the first points of the pairs to the second ones, with weights; `None` of fewer than three points, or on a line.
@@ -186,7 +186,7 @@ fn refined(glimpses: &[Glimpse], latency: usize, start: Isometry3<f64>) -> Optio
         }
     }
     let distances: Vec<f64> = glimpses.iter().map(|g| nearest(g, latency, &pose).1).collect();
-    let near = distances.iter().filter(|off| **off < NEAR_M).count();
+    let near_m = distances.iter().copied().filter(|off| *off < NEAR_M).collect();
     let cost = distances.iter().map(|off| off.min(NEAR_M).powi(2)).sum();
-    Some((cost, Aligned { base_from_left: pose, latency_s: latency_s(latency), near }))
+    Some((cost, Aligned { base_from_left: pose, latency_s: latency_s(latency), near_m }))
 }

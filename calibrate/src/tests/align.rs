@@ -49,7 +49,8 @@ proptest! {
         let middle = base_from_left.inverse() * Point3::from(tip(0.0, [0.0; 3]));
         let off = (found.base_from_left * middle - base_from_left * middle).norm();
         prop_assert!(turned < 0.03 && off < 1.5e-3, "{turned} rad, {off} m");
-        prop_assert!((found.latency_s - 0.06).abs() < 0.0151 && found.near >= 220, "{found:?}");
+        let rms_m = raven::stats::rms(&found.near_m).unwrap();
+        prop_assert!((found.latency_s - 0.06).abs() < 0.0151 && found.near_m.len() >= 220 && rms_m < 0.006, "{found:?}");
     }
 
     #[test]
