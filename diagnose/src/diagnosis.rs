@@ -168,31 +168,14 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::attribution::{Point, Word};
+    use crate::attribution::Word;
 
     #[test]
     fn a_report_without_a_diagnosis_has_the_keys_of_one_with() {
         let file = RobotFile { file: "robot.yaml".to_owned(), sha256: String::new() };
         let mut report = Report::new(&raven::robot::nominal::gold(), file, &[]);
         let without = json!(report);
-        report.attribution = Some(Attribution {
-            verdict: Word::Explained,
-            effects: Vec::new(),
-            misfit_accounted: None,
-            candidates: Vec::new(),
-            not_observable: Vec::new(),
-            minimum_detectable: Vec::new(),
-            probability_too_small: 0.0,
-            probability_outside: 0.0,
-            file_numbers: Vec::new(),
-            tolerance_parts: Spread::default(),
-            departures: None,
-            gap: Vec::new(),
-            remaining: Vec::new(),
-            remarks: Vec::new(),
-            side: None,
-            point: Point::default(),
-        });
+        report.attribution = Some(Attribution::without_findings(Word::Explained));
         let with = json!(report);
         let keys = |report: &Value| report.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
         assert_eq!(keys(&without), keys(&with));

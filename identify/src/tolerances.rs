@@ -143,8 +143,11 @@ impl Number {
     /// Those of an effect that have a tolerance and move tips as they do. What the file's list of effects has was measured.
     fn all(robot: &Robot, sited: Sited) -> Vec<Self> {
         let effect = sited.effect;
-        let is_listed = robot.effects.iter().any(|listed| sited.is_listed_as(robot, listed));
-        if effect.stage == Stage::Camera || effect.home() == Home::Cameras || !effect.channels.contains(&Channel::Tip) || is_listed {
+        if effect.stage == Stage::Camera
+            || effect.home() == Home::Cameras
+            || !effect.channels.contains(&Channel::Tip)
+            || sited.is_listed(robot)
+        {
             return Vec::new();
         }
         let number = |(k, parameter): (usize, &Parameter)| {

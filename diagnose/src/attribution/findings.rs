@@ -48,6 +48,31 @@ pub struct Attribution {
     pub point: Point,
 }
 
+#[cfg(test)]
+impl Attribution {
+    /// With nothing to say but a verdict.
+    pub(crate) fn without_findings(verdict: Word) -> Self {
+        Self {
+            verdict,
+            effects: Vec::new(),
+            misfit_accounted: None,
+            candidates: Vec::new(),
+            not_observable: Vec::new(),
+            minimum_detectable: Vec::new(),
+            probability_too_small: 0.0,
+            probability_outside: 0.0,
+            file_numbers: Vec::new(),
+            tolerance_parts: Spread::default(),
+            departures: None,
+            gap: Vec::new(),
+            remaining: Vec::new(),
+            remarks: Vec::new(),
+            side: None,
+            point: Point::default(),
+        }
+    }
+}
+
 /// Where the numbers of a model are best, with the effects that are named.
 #[derive(Debug, Clone, Default)]
 pub struct Point {

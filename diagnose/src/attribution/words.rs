@@ -311,10 +311,9 @@ fn closed(gap: &Closure) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attribution::{Point, Retuned, detectable};
+    use crate::attribution::{Retuned, detectable};
     use crate::evidence::fit::Fitter;
     use crate::evidence::numbers::coordinates::Coordinates;
-    use crate::evidence::numbers::spread::Spread;
     use crate::evidence::outcome::Outcome;
     use crate::evidence::tests::{Seen, tips};
 
@@ -348,22 +347,11 @@ mod tests {
             shares: Vec::new(),
         };
         Attribution {
-            verdict,
             effects: vec![blamed],
             misfit_accounted: Some(0.999_98),
             candidates: vec![candidate("joint-offset", insertion(), 0.72), candidate("tool-length", None, 0.178)],
-            not_observable: Vec::new(),
-            minimum_detectable: Vec::new(),
-            probability_too_small: 0.0,
-            probability_outside: 0.0,
-            file_numbers: Vec::new(),
-            tolerance_parts: Spread::default(),
-            departures: None,
             gap: vec![gap],
-            remaining: Vec::new(),
-            remarks: Vec::new(),
-            side: None,
-            point: Point::default(),
+            ..Attribution::without_findings(verdict)
         }
     }
 

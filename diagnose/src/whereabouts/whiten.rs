@@ -62,14 +62,12 @@ pub fn integrated_time(x: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
 
     #[test]
     fn an_autoregression_is_white_afterwards_across_a_gap() {
-        let mut state = 1_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
-        };
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let mut uniform = || rng.random_range(-0.5..0.5);
         let mut last = [0.0; 2];
         let x: Vec<f64> = (0..4000)
             .map(|_| {

@@ -22,7 +22,7 @@ impl Sited {
         match self.effect.home() {
             Home::Numbers => self.in_numbers_of(robot, cameras, values),
             Home::List => {
-                if robot.effects.iter().any(|listed| self.is_listed_as(robot, listed)) {
+                if self.is_listed(robot) {
                     let message =
                         format!("{id} is in the robot file's list of effects already; change its values there, or take it out first.");
                     return Err(Error::Argument(message));

@@ -77,9 +77,14 @@ impl Sited {
         Ok(())
     }
 
-    /// Whether an entry of the list is this effect.
+    /// Whether a robot file lists this effect.
     #[must_use]
-    pub fn is_listed_as(&self, robot: &Robot, listed: &ListedEffect) -> bool {
+    pub fn is_listed(&self, robot: &Robot) -> bool {
+        robot.effects.iter().any(|listed| self.is_listed_as(robot, listed))
+    }
+
+    /// Whether an entry of the list is this effect.
+    pub(super) fn is_listed_as(&self, robot: &Robot, listed: &ListedEffect) -> bool {
         listed.id == self.effect.id && listed.joint == self.joint(robot)
     }
 
@@ -143,8 +148,7 @@ pub(crate) fn check_listed(robot: &Robot) -> Result<(), String> {
 
 /// The deviation of what the motion before a recording left of an effect, where a robot file lists that at a joint: every recording begins anew.
 pub(super) fn left(robot: &Robot, id: &str, place: Place, deviation: f64) -> f64 {
-    let joint = robot.joints.get(place.first).map(|joint| &joint.name);
-    let is_listed = robot.effects.iter().any(|listed| listed.id == id && listed.joint.as_ref() == joint);
+    let is_listed = Effect::named(id).is_ok_and(|effect| Sited::new(effect, place, robot).is_listed(robot));
     if is_listed { deviation } else { 0.0 }
 }
 

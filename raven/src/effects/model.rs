@@ -90,7 +90,7 @@ impl Model {
     pub(super) fn with_listed(mut self, robot: &Robot, effects: &[(Sited, Vec<f64>)]) -> Result<Self> {
         for listed in &robot.effects {
             let (sited, mut values) = Sited::from_listed(robot, listed)?;
-            for (same, u) in effects.iter().filter(|(other, _)| other.effect.id == sited.effect.id && other.place == sited.place) {
+            for (same, u) in effects.iter().filter(|(other, _)| other.is_listed_as(robot, listed)) {
                 let begun = values.iter_mut().zip(same.values(u)).zip(same.effect.parameters);
                 begun.filter(|(_, parameter)| parameter.scale.is_state()).for_each(|((value, begins), _)| *value += begins);
             }

@@ -5,7 +5,7 @@ use raven::Result;
 use raven::effects::{Channel, Shaft, TipModel, TorqueModel};
 
 use super::{Measured, Sample, Sampled};
-use crate::evidence::recorded::noise::{far_apart, white_noise};
+use crate::evidence::recorded::noise::{far_apart, white_noise_of};
 use crate::evidence::recorded::rows::{Inflation, Observed, Rows, Setting};
 
 /// Place of the tip among the channels; the joints come before, their torques after.
@@ -52,8 +52,7 @@ impl Sampled for Rows<'_> {
             let errors: Vec<Vector3<f64>> = data.shafts.iter().zip(tensions).map(lacking).collect();
             let apart = far_apart(data.shafts.iter().map(|shaft| shaft.time_s));
             let weights = self.torque_weights(recording);
-            let counted = |j: usize| apart.iter().filter(|&&k| weights[k][j] > 0.0).map(|&k| errors[k][j]).collect::<Vec<f64>>();
-            let noise = [0, 1, 2].map(|j| white_noise(&counted(j)));
+            let noise = [0, 1, 2].map(|j| white_noise_of(&apart, |k| (weights[k][j] > 0.0).then(|| errors[k][j])));
             for ((shaft, error), weight) in data.shafts.iter().zip(&errors).zip(weights) {
                 let rate = transmission.joint_rate_from_motor(&shaft.rate);
                 let of = |j: usize| Sample {

@@ -5,7 +5,7 @@ use raven::effects::{Channel, Measure};
 
 use super::{Measured, Sample, Sampled};
 use crate::evidence::recorded::bench::Bench;
-use crate::evidence::recorded::noise::{far_apart, white_noise};
+use crate::evidence::recorded::noise::{far_apart, white_noise_of};
 use crate::evidence::recorded::rows::{ALL, Observed, Setting};
 
 impl Sampled for Bench<'_> {
@@ -31,8 +31,8 @@ impl Sampled for Bench<'_> {
             let recorded = &self.recordings()[recording];
             let apart = far_apart(recorded.driven.iter().map(|driven| driven.shaft.time_s));
             let weights = self.weights(recording);
-            let counted = |j: usize| apart.iter().filter(|&&k| weights[k][1][j] > 0.0).map(|&k| errors[k][1][j]).collect::<Vec<f64>>();
-            let noise: Vec<f64> = (0..joints).map(|j| white_noise(&counted(j))).collect();
+            let noise = |j: usize| white_noise_of(&apart, |k| (weights[k][1][j] > 0.0).then(|| errors[k][1][j]));
+            let noise: Vec<f64> = (0..joints).map(noise).collect();
             for ((driven, [position, torque, _]), weights) in recorded.driven.iter().zip(errors).zip(weights) {
                 let rate = |j: usize| driven.shaft.rate[j] / self.robot().joints[j].ratio();
                 let of = |channel, j: usize, error, variance| Sample {

@@ -140,7 +140,8 @@ impl Coordinates {
         self.of(effect).filter(|&c| self.parameter(c).scale.is_size() && !self.all[c].is_unknown())
     }
 
-    /// The model's settings at a point; effects that do not change anything are left out. One of a file's effects changes how that begins.
+    /// The model's settings at a point; effects that do not change anything are left out. An effect that the file has changes how it
+    /// begins, if by nothing else.
     #[must_use]
     pub fn settings(&self, u: &[f64]) -> Vec<Setting> {
         let mut settings = Vec::new();

@@ -11,7 +11,6 @@ mod paired;
 use std::collections::BTreeMap;
 
 use raven::Result;
-use raven::robot::{Hysteresis, Joint};
 use rayon::prelude::*;
 
 use crate::evidence::fit::{Fitter, Hypothesis, side_by_side};
@@ -135,8 +134,8 @@ impl Fitter<'_> {
     /// held to what a second effect is.
     fn file_has_effects(&self) -> bool {
         let robot = self.rows.robot();
-        let turns_back = |joint: &Joint| joint.hysteresis != Hysteresis::default();
-        !robot.effects.is_empty() || !robot.calibration.is_empty() || robot.joints.iter().any(turns_back)
+        let has_loop = robot.joints.iter().any(|joint| joint.hysteresis.half_loop > 0.0);
+        has_loop || !robot.effects.is_empty() || !robot.calibration.is_empty()
     }
 
     /// Whether a hypothesis is more probable than a poorer one when residuals that are alike over time count for what they hold.
