@@ -101,6 +101,7 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     report.identifiability = Some(identifiability);
     report.as_filed = as_filed;
     report.tolerances = problem.tolerances_found(&estimate);
+    report.left = problem.left_found(&estimate);
     report.cameras = problem.cameras_found(&estimate);
 
     if let Some(path) = &args.output {

@@ -35,6 +35,7 @@ use crate::parameters::Quantity;
 use crate::prediction::Predictor;
 use crate::priors::Unknown;
 use crate::session::{Session, Sighting, whitening};
+use crate::tolerances::Links;
 use beside::Beside;
 pub use beside::Flaw;
 pub use held::HeldPart;
@@ -90,7 +91,7 @@ enum Joints {
 type Lag = Option<Vec<Vector3<f64>>>;
 
 impl<'a> Problem<'a> {
-    /// The problem of estimating `unknowns` of `robot` from `sessions`.
+    /// The problem of estimating `unknowns` of `robot` from `sessions`, and what the motion before each of them left of effects that remember.
     ///
     /// # Errors
     /// If the robot is no arm.
@@ -100,19 +101,20 @@ impl<'a> Problem<'a> {
         for (joint, &motor) in anchored.joints.iter_mut().zip(at_hard_stop.iter()) {
             joint.motor_at_hard_stop = Some(motor);
         }
+        let beside = Beside::left(&anchored, unknowns, sessions.len());
         let mut problem = Self {
-            anchored,
             unknowns,
             sessions,
             misfit: MISFIT_START,
             whiten: Vec::new(),
             joints: Joints::AtRest,
-            beside: Beside::default(),
-            flaws: Vec::new(),
+            flaws: beside.flaws(&anchored, sessions, Links::AtRest)?,
+            beside,
+            anchored,
             rolled: Arc::default(),
             held: Vec::new(),
         };
-        problem.weigh(&DVector::zeros(unknowns.len()))?;
+        problem.weigh(&DVector::zeros(Residuals::unknowns(&problem)))?;
         Ok(problem)
     }
 

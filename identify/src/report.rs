@@ -31,6 +31,8 @@ pub struct Report {
     pub as_filed: bool,
     /// What the logs say of the file's numbers that nobody asked for.
     pub tolerances: Vec<tolerances::Found>,
+    /// What the logs say of what the motion before each of them left of effects that remember.
+    pub left: Vec<tolerances::Found>,
     /// What the logs can say, where it was asked.
     pub identifiability: Option<Identifiability>,
     /// Mean of the sightings' squared residuals, normalised by their covariance; 3 if the model explains all but the noise.
@@ -131,6 +133,7 @@ impl Report {
             cameras: None,
             as_filed: false,
             tolerances: Vec::new(),
+            left: Vec::new(),
             identifiability: None,
             nis_mean: good.iter().sum::<f64>() / good.len().max(1) as f64,
             sightings: squares.len(),
@@ -217,6 +220,13 @@ impl Report {
             let (effect, number, off) = (&found.effect, found.parameter, found.tolerances_off.abs());
             warnings.push(format!(
                 "{effect} ({number}), which nobody asked for, is {off:.1} of the file's tolerances off; estimate it too, or write down how well it is known."
+            ));
+        }
+        for found in self.left.iter().filter(|found| found.tolerances_off.abs() > CONTRADICTION) {
+            let (effect, number, off) = (&found.effect, found.parameter, found.tolerances_off.abs());
+            let log = found.recording.map_or_else(String::new, |recording| format!(" log {}", recording + 1));
+            warnings.push(format!(
+                "{effect} ({number}) begins{log} with {off:.1} times what motion leaves as a rule; either its values in the file are wrong, or it stands in for something that the model lacks."
             ));
         }
         warnings.extend(self.misfit());

@@ -3,6 +3,9 @@
 //! A link angle within its tolerance passes for a part of a radius, a clock that drifts for a latency, and neither averages out: taken for
 //! exact they would let a number claim several times less than it is off by. Which numbers of a file have a tolerance, and what each
 //! changes, says the library of effects.
+//!
+//! What the motion before a recording left of an effect that remembers is such a number too, and each recording has its own: a cable that has
+//! slipped stays where it is, and one that creeps takes its time.
 
 use nalgebra::Vector3;
 use raven::effects::{Channel, Home, Parameter, Scale, Sited, Stage, at_place};
@@ -33,15 +36,17 @@ pub enum Links {
     Rolling,
 }
 
-/// A number of the robot file, as an effect at its place changes it.
+/// A number of the robot file, as an effect at its place changes it, or what the motion before a recording left of that effect.
 #[derive(Debug, Clone)]
-struct Number {
+pub(crate) struct Number {
     sited: Sited,
     /// Which of the effect's parameters.
     parameter: usize,
     /// Its tolerance, as `u` of that parameter.
     tolerance_u: f64,
     joint: Option<String>,
+    /// Which recording begins with it, where that is no number of the file.
+    recording: Option<usize>,
 }
 
 /// What recordings say of a number that nobody asked for.
@@ -51,6 +56,9 @@ pub struct Found {
     pub effect: String,
     /// Which of the effect's numbers.
     pub parameter: &'static str,
+    /// Which recording begins with it, from 0 in their order; of the file where there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<usize>,
     /// By how many of its tolerances it seems to be off.
     pub tolerances_off: f64,
     /// Standard deviation of that: 1 where the recordings say nothing of it.
@@ -74,6 +82,25 @@ impl Tolerances {
         Ok(Self(beside))
     }
 
+    /// Of what the motion before each of so many recordings left of the effects that `robot` has, or would have with the `unknowns` off by their
+    /// deviation: what is asked about may be an effect that remembers.
+    #[must_use]
+    pub fn left(robot: &Robot, unknowns: &[Unknown], recordings: usize) -> Self {
+        let mut robot = robot.clone();
+        for unknown in unknowns {
+            if let Some(value) = robot.value_mut(&unknown.key) {
+                *value = unknown.value(1.0);
+            }
+        }
+        Self(Sited::all(&robot).into_iter().flat_map(|sited| Number::left(&robot, sited, recordings)).collect())
+    }
+
+    /// Together with others.
+    pub(crate) fn and(mut self, others: Self) -> Self {
+        self.0.extend(others.0);
+        self
+    }
+
     /// Of those numbers that move the tips of `sessions`; and how far one tolerance of each moves them, the links at rest.
     ///
     /// # Errors
@@ -91,26 +118,29 @@ impl Tolerances {
     /// # Errors
     /// If a number cannot be what its tolerance allows.
     pub fn flaws(&self, robot: &Robot, sessions: &[Session], links: Links) -> Result<Vec<Flaw>> {
-        self.slopes(robot, |robot, swings| {
+        self.slopes(robot, |robot, number| {
             let predictor = Predictor::new(robot)?;
-            let rolls = links == Links::Rolling && swings;
-            let lag = |session| rolls.then(|| predictor.session_lag(session));
-            Ok(sessions.iter().flat_map(|session| predictor.session_m(session, lag(session).as_deref())).collect())
+            let rolls = links == Links::Rolling && number.swings();
+            let lag = |session: &Session| rolls.then(|| predictor.session_lag(session));
+            let seen_m = |(s, session): (usize, &Session)| match number.recording {
+                Some(recording) if recording != s => vec![Vector3::zeros(); session.sightings.len()],
+                _ => predictor.session_m(session, lag(session).as_deref()),
+            };
+            Ok(sessions.iter().enumerate().flat_map(seen_m).collect())
         })
     }
 
-    /// How far one tolerance of each moves what is `measured` of a robot near that of the file. Told with the robot is whether its number changes how
-    /// links swing about their rest.
+    /// How far one tolerance of each moves what is `measured` of a robot near that of the file, of which that number is off.
     ///
     /// # Errors
     /// If a number cannot be what its tolerance allows, or what is measured cannot be computed.
     pub(crate) fn slopes(
         &self,
         robot: &Robot,
-        measured: impl Fn(&Robot, bool) -> Result<Vec<Vector3<f64>>> + Sync,
+        measured: impl Fn(&Robot, &Number) -> Result<Vec<Vector3<f64>>> + Sync,
     ) -> Result<Vec<Vec<Vector3<f64>>>> {
         let slope = |number: &Number| {
-            let [behind, ahead] = [-STEP, STEP].map(|tolerances| measured(&number.off(robot, tolerances)?, number.swings()));
+            let [behind, ahead] = [-STEP, STEP].map(|tolerances| measured(&number.off(robot, tolerances)?, number));
             Ok(ahead?.iter().zip(&behind?).map(|(ahead, behind)| (ahead - behind) / (2.0 * STEP)).collect())
         };
         self.0.par_iter().map(slope).collect()
@@ -132,6 +162,7 @@ impl Tolerances {
         let found = |(k, number): (usize, &Number)| Found {
             effect: at_place(number.sited.effect.id, number.joint.as_deref()),
             parameter: number.sited.effect.parameters[number.parameter].name,
+            recording: number.recording,
             tolerances_off: estimate.z[k],
             std: estimate.std[k],
         };
@@ -153,9 +184,23 @@ impl Number {
         let number = |(k, parameter): (usize, &Parameter)| {
             let straight = matches!(parameter.scale, Scale::Offset(_) | Scale::Factor { .. });
             let tolerance_u = parameter.tolerance_u(robot, sited.place, sited.measure).filter(|_| straight)?;
-            Some(Self { sited, parameter: k, tolerance_u, joint: sited.joint(robot) })
+            Some(Self { sited, parameter: k, tolerance_u, joint: sited.joint(robot), recording: None })
         };
         effect.parameters.iter().enumerate().filter_map(number).collect()
+    }
+
+    /// What so many recordings begin with of an effect. Where friction held a link is forgotten as soon as that moves.
+    fn left(robot: &Robot, sited: Sited, recordings: usize) -> Vec<Self> {
+        let effect = sited.effect;
+        if effect.element.is_some() {
+            return Vec::new();
+        }
+        let states = effect.parameters.iter().enumerate().filter(|(_, parameter)| parameter.scale.is_state());
+        let known = states.filter_map(|(k, state)| {
+            let tolerance_u = state.tolerance_u(robot, sited.place, sited.measure).filter(|u| *u > 0.0)?;
+            Some(Self { sited, parameter: k, tolerance_u, joint: sited.joint(robot), recording: None })
+        });
+        known.flat_map(|of_any| (0..recordings).map(move |s| Self { recording: Some(s), ..of_any.clone() })).collect()
     }
 
     /// Whether it changes how the links swing about their rest.
@@ -167,7 +212,7 @@ impl Number {
     fn off(&self, robot: &Robot, tolerances: f64) -> Result<Robot> {
         let mut u = vec![0.0; self.sited.effect.parameters.len()];
         u[self.parameter] = tolerances * self.tolerance_u;
-        self.sited.added_to(robot, None, &self.sited.values(&u)).map_err(|error| {
+        self.sited.begun(robot, &self.sited.values(&u)).map_err(|error| {
             let effect = at_place(self.sited.effect.id, self.joint.as_deref());
             Error::Data(format!("the robot file's `tolerances` allow of {effect} what cannot be, in {tolerances:+} of one: {error}"))
         })
@@ -226,6 +271,37 @@ mod tests {
         assert_eq!(all.len(), kinds.iter().map(|(_, count)| count).sum::<usize>(), "{all:?}");
         let asked = ["r_l2", "offset_1", "coupling_12", "k_e3", "b_e1", "F_c2", "latency"];
         assert_eq!(beside(&asked).len(), all.len() - asked.len());
+    }
+
+    /// Of effects that the file has, and of those that are asked about; not of a nominal robot.
+    #[test]
+    fn each_recording_begins_anew() {
+        let nominal = nominal::gold();
+        let creep = Sited::at(&nominal, "creep", Some("elbow")).unwrap();
+        let creeping = creep.added_to(&nominal, None, &creep.values(&[1.0, 0.0, 0.0])).unwrap();
+        let asked = |name: &str| priors::unknowns(&nominal, &Selection::named(&[name.to_owned()]).unwrap(), &Quality::default()).unwrap();
+        let count = |robot: &Robot, name: &str| Tolerances::left(robot, &asked(name), 2).len();
+        assert_eq!([count(&nominal, "r_l1"), count(&creeping, "r_l1")], [0, 2]);
+        assert_eq!([count(&nominal, "hysteresis_3"), count(&creeping, "hysteresis_3")], [2, 4]);
+
+        let sessions = [moving(), moving()];
+        let flaws = Tolerances::left(&creeping, &[], 2).flaws(&creeping, &sessions, Links::AtRest).unwrap();
+        let sightings = sessions[0].sightings.len();
+        for (s, flaw) in flaws.iter().enumerate() {
+            let (first, second) = flaw.split_at(sightings);
+            let [own, other] = if s == 0 { [first, second] } else { [second, first] };
+            assert!(other.iter().all(|moved| *moved == Vector3::zeros()));
+            // What is left creeps back with the law's own time.
+            let predictor = Predictor::new(&creeping).unwrap();
+            let of_joints = |k: usize| {
+                let (session, time_s) = (&sessions[s], sessions[s].sightings[k].time_s);
+                let from_joints = predictor.seen_from_joints(&predictor.driving(&session.motion), time_s);
+                (from_joints.try_inverse().unwrap() * own[k], time_s)
+            };
+            let [(early, early_s), (late, late_s)] = [0, sightings - 1].map(of_joints);
+            assert!(early[1].abs() > 1e-5, "{early}");
+            approx::assert_relative_eq!(late[1] / early[1], ((early_s - late_s) / 30.0).exp(), max_relative = 0.02);
+        }
     }
 
     #[test]

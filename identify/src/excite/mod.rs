@@ -65,7 +65,7 @@ pub fn run(args: &Excite, out: &mut dyn Write) -> Result<Outcome> {
     let names = args.parameters.clone().unwrap_or_else(|| ["r_l", "offset", "k_e", "b_e", "F_c", "latency"].map(str::to_owned).to_vec());
     let unknowns = priors::unknowns(&robot, &Selection::named(&names)?, &Quality::default())?;
     let spinner = cli::spinner("trying motions");
-    let beside = Tolerances::beside(&robot, &unknowns)?;
+    let beside = Tolerances::beside(&robot, &unknowns)?.and(Tolerances::left(&robot, &unknowns, 1));
     let lab = Lab { robot: &robot, unknowns: &unknowns, beside: &beside, limits, fastest: speed_max(&robot) };
     let found = lab.proposal(args.duration).and_then(|proposal| {
         let report = (args.json.is_some() || has_table && !args.table).then(|| lab.report(&proposal, args.duration)).transpose()?;

@@ -9,6 +9,7 @@ use raven::robot::Robot;
 use super::Problem;
 use crate::batch::{Estimate, Residuals};
 use crate::prediction::Predictor;
+use crate::priors::Unknown;
 use crate::session::Session;
 use crate::systematic::{self, Systematic};
 use crate::tolerances::{self, Links, Tolerances};
@@ -21,15 +22,21 @@ pub type Flaw = Vec<Vector3<f64>>;
 pub(super) struct Beside {
     given: Vec<Flaw>,
     systematic: Systematic,
+    left: Tolerances,
     tolerances: Tolerances,
 }
 
 impl Beside {
+    /// What the motion before so many recordings left, of a robot with unknowns.
+    pub(super) fn left(robot: &Robot, unknowns: &[Unknown], recordings: usize) -> Self {
+        Self { left: Tolerances::left(robot, unknowns, recordings), ..Self::default() }
+    }
+
     /// The flaws near a robot.
     ///
     /// They are those of where the tip should be seen. Where it was seen a flaw errs as the sighting does, which makes a scale of noise: of `x + e` the
     /// part `s` is `s (x + e)`, and the more of `e` is in it the better it fits.
-    fn flaws(&self, robot: &Robot, sessions: &[Session], links: Links) -> Result<Vec<Flaw>> {
+    pub(super) fn flaws(&self, robot: &Robot, sessions: &[Session], links: Links) -> Result<Vec<Flaw>> {
         let of_cameras = if self.systematic.len() > 0 {
             let predictor = Predictor::new(robot)?;
             let seen_m: Vec<Vec<Vector3<f64>>> = sessions.iter().map(|session| predictor.session_m(session, None)).collect();
@@ -37,7 +44,8 @@ impl Beside {
         } else {
             Vec::new()
         };
-        Ok([self.given.clone(), of_cameras, self.tolerances.flaws(robot, sessions, links)?].concat())
+        let [left, tolerances] = [&self.left, &self.tolerances].map(|numbers| numbers.flaws(robot, sessions, links));
+        Ok([self.given.clone(), of_cameras, left?, tolerances?].concat())
     }
 }
 
@@ -113,15 +121,21 @@ impl Problem<'_> {
     #[must_use]
     pub fn flaws_of_sight(&self) -> Vec<(usize, &Flaw)> {
         let first = self.beside.given.len();
-        let of_kinematics = self.beside.systematic.len() + first;
-        let kinematics = self.beside.tolerances.of_kinematics().map(|k| of_kinematics + k);
-        (first..of_kinematics).chain(kinematics).map(|k| (self.unknowns.len() + k, &self.flaws[k])).collect()
+        let left = self.beside.systematic.len() + first;
+        let kinematics = self.beside.tolerances.of_kinematics().map(|k| left + self.beside.left.len() + k);
+        (first..left).chain(kinematics).map(|k| (self.unknowns.len() + k, &self.flaws[k])).collect()
     }
 
     /// What an estimate says of the cameras beside their registration; nothing where no session says which cameras placed its tips.
     #[must_use]
     pub fn cameras_found(&self, estimate: &Estimate) -> Option<systematic::Found> {
         self.beside.systematic.found(estimate, self.unknowns.len() + self.beside.given.len())
+    }
+
+    /// What an estimate says of what the motion before each recording left.
+    #[must_use]
+    pub fn left_found(&self, estimate: &Estimate) -> Vec<tolerances::Found> {
+        self.beside.left.found(estimate, Residuals::unknowns(self) - self.tolerances() - self.beside.left.len())
     }
 
     /// What an estimate says of the file's numbers that nobody asked for.

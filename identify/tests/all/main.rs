@@ -6,6 +6,7 @@ mod cli;
 mod damping;
 mod excite;
 mod export;
+mod left;
 mod recordings;
 mod recursive;
 mod simulated;

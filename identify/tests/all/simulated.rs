@@ -170,10 +170,7 @@ fn a_loop_is_written_as_it_turns() {
     for straight_part in [-0.5, 0.0, 0.5, 1.0] {
         let mut truth = case.robot.clone();
         truth.joints[2].hysteresis = Hysteresis { half_loop, length: half_loop, straight_part, lag_at_start: 0.0 };
-        let motors = motion(40.0, MIDDLE, WIDE);
-        let winding = motors.with_track(truth.arm().unwrap().winding(motors.track()).into_owned());
-        let seen = session(&truth, &winding, &mut ChaCha8Rng::seed_from_u64(3), 0.0);
-        let sessions = [Session { motion: motors, ..seen }];
+        let sessions = [session(&truth, &motion(40.0, MIDDLE, WIDE), &mut ChaCha8Rng::seed_from_u64(3), 0.0)];
         let mut problem = Problem::new(&case.robot, &case.unknowns, &sessions).unwrap();
         let estimate = problem.estimate().unwrap();
         let findings = Finding::all(&case.unknowns, &estimate);

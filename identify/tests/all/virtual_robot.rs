@@ -56,7 +56,8 @@ pub fn session(truth: &Robot, motion: &Motion, random: &mut ChaCha8Rng, alike: f
     let stamps = (0..((end - start) * CAMERA_HZ) as usize).map(|i| start + (i as f64 + 0.5) / CAMERA_HZ);
     let stamps: Vec<f64> = stamps.filter(|t| motion.covers(t - 0.1, t + 0.1)).collect();
     let shown: Vec<f64> = stamps.iter().map(|&t| correction.shown_at_s(t)).collect();
-    let links = LinkModel::new(arm).rollout_gripped(motion.track(), &shown);
+    let winding = arm.winding(motion.track()).into_owned();
+    let links = LinkModel::new(arm).rollout_gripped(&winding, &shown);
     let mut normal = || factor * Vector3::from_fn(|_, _| StandardNormal.sample(random));
     let mut common = normal();
     let mut sightings = Vec::new();

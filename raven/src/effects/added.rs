@@ -38,6 +38,20 @@ impl Sited {
         }
     }
 
+    /// The robot as a recording begins whose motion before left of this effect, which the file has, those of `values` that are
+    /// [`Scale::State`](super::Scale::State). The others have to be those of no effect.
+    ///
+    /// # Errors
+    /// If the robot is no arm, or the effect belongs to the camera file.
+    pub fn begun(&self, robot: &Robot, values: &[f64]) -> Result<Robot> {
+        if !self.is_listed(robot) {
+            return self.added_to(robot, None, values);
+        }
+        let mut begun = robot.clone();
+        self.begin_listed(&mut begun, values);
+        Ok(begun)
+    }
+
     fn in_numbers_of(&self, robot: &Robot, cameras: Option<&Cameras>, values: &[f64]) -> Result<Robot> {
         let model = Model::new(robot, cameras)?.with_values(self, values);
         let mut new = model.robot;

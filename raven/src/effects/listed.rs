@@ -84,8 +84,20 @@ impl Sited {
     }
 
     /// Whether an entry of the list is this effect.
-    pub(super) fn is_listed_as(&self, robot: &Robot, listed: &ListedEffect) -> bool {
+    fn is_listed_as(&self, robot: &Robot, listed: &ListedEffect) -> bool {
         listed.id == self.effect.id && listed.joint == self.joint(robot)
+    }
+
+    /// Where the list of `robot` has this effect, adds what the motion before a recording left of it, as far as there can be such: those of `values`
+    /// that are [`Scale::State`](super::Scale::State).
+    pub(super) fn begin_listed(&self, robot: &mut Robot, values: &[f64]) {
+        let Some(i) = robot.effects.iter().position(|listed| self.is_listed_as(robot, listed)) else { return };
+        let states = self.effect.parameters.iter().zip(values).filter(|(parameter, _)| parameter.scale.is_state());
+        for (state, value) in states {
+            let [least, most] = state.range(self.measure);
+            let begins = robot.effects[i].values.entry(state.name.to_owned()).or_default();
+            *begins = (*begins + value).clamp(least, most);
+        }
     }
 
     /// The entry of the list with these values.
@@ -160,7 +172,7 @@ pub(crate) fn motor_laws(robot: &Robot) -> Result<MotorLaws> {
     if robot.effects.is_empty() {
         return Ok(MotorLaws::default());
     }
-    Ok(MotorLaws::from(Model::bare(robot).with_listed(robot, &[])?.motors))
+    Ok(MotorLaws::from(Model::bare(robot).with_listed(robot)?.motors))
 }
 
 /// By how much per second the cameras' clock drifts from the robot's: an image stamped `t` shows the robot at `t - latency - drift t`.
@@ -168,7 +180,7 @@ pub(crate) fn motor_laws(robot: &Robot) -> Result<MotorLaws> {
 /// # Errors
 /// If the list makes no sense.
 pub fn clock_drift(robot: &Robot) -> Result<f64> {
-    Ok(Model::bare(robot).with_listed(robot, &[])?.view.drift)
+    Ok(Model::bare(robot).with_listed(robot)?.view.drift)
 }
 
 /// Listed effects that move what the two images show apart. Whoever takes the tip for one point at one time has to leave them out.

@@ -74,7 +74,9 @@ impl Model {
             joint.motor_at_hard_stop = Some(motor);
         }
         model.view = View::new(cameras, tip_at_hard_stop_m, &robot.observation);
-        let model = model.with_listed(robot, effects)?;
+        let mut begun = robot.clone();
+        effects.iter().for_each(|(sited, u)| sited.begin_listed(&mut begun, &sited.values(u)));
+        let model = model.with_listed(&begun)?;
         Ok(effects.iter().fold(model, |model, (sited, u)| model.with(sited, u)))
     }
 
@@ -86,14 +88,10 @@ impl Model {
         Self { robot, motors: Vec::new(), drives: [Drive::default(); 3], view }
     }
 
-    /// With the effects that `robot` lists, which begin as those of `effects` that are the same do.
-    pub(super) fn with_listed(mut self, robot: &Robot, effects: &[(Sited, Vec<f64>)]) -> Result<Self> {
+    /// With the effects that `robot` lists.
+    pub(super) fn with_listed(mut self, robot: &Robot) -> Result<Self> {
         for listed in &robot.effects {
-            let (sited, mut values) = Sited::from_listed(robot, listed)?;
-            for (same, u) in effects.iter().filter(|(other, _)| other.is_listed_as(robot, listed)) {
-                let begun = values.iter_mut().zip(same.values(u)).zip(same.effect.parameters);
-                begun.filter(|(_, parameter)| parameter.scale.is_state()).for_each(|((value, begins), _)| *value += begins);
-            }
+            let (sited, values) = Sited::from_listed(robot, listed)?;
             self = self.with_values(&sited, &values);
         }
         Ok(self)
