@@ -5,9 +5,11 @@
 //! ```
 //!
 //! `before` is the model with the file in hand, `after` the same with the effects and nothing else; retuned, the file's own numbers are as they
-//! come out beside the effects, held by their tolerances: what makes up for an effect has to give way when it is added. Intervals are those of a
+//! come out beside the effects, held by their tolerances: what makes up for an effect has to give way when it is added. What the motion before the
+//! recordings left of effects that the file has is no gap of the file, and is in all of them as it comes out. Intervals are those of a
 //! bootstrap over blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
 
+use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use raven::Result;
 use rayon::prelude::*;
@@ -17,7 +19,7 @@ use super::channels::{Sample, Sampled};
 use super::remaining::Remaining;
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::coordinates::Coordinates;
-use crate::evidence::recorded::rows::Setting;
+use crate::evidence::recorded::rows::{ALL, Links, Observed, Setting};
 
 /// The gap of one channel, before and after.
 #[derive(Debug, Clone, Serialize)]
@@ -28,7 +30,7 @@ pub struct Closure {
     pub unit: &'static str,
     /// RMS that the measurement's noise would leave.
     pub noise_floor: f64,
-    /// RMS against the model with the file in hand.
+    /// RMS against the model with the file in hand, which begins as the motion before the recordings left it.
     pub before: f64,
     /// RMS against the model with the effects.
     pub after: f64,
@@ -69,6 +71,8 @@ pub struct Share {
 const BLOCK_S: f64 = 3.0;
 /// Resamples of the bootstrap.
 const RESAMPLES: usize = 1000;
+/// Step of the difference quotient by what the motion before left, of its deviation.
+const LEFT_STEP: f64 = 0.1;
 const SEED: u64 = 20_170_925;
 /// A gap is there if its squared error is this much above the floor.
 const GAP_MIN: f64 = 1.05;
@@ -144,14 +148,45 @@ fn predicted(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, 
     let Some(Hypothesis { u, .. }) = Fitter::new(others.as_ref(), coordinates).fit(&named.effects, &named.u, None)? else {
         return Ok(None);
     };
-    let effects: Vec<Setting> = named.effects.iter().map(|&effect| setting(coordinates, effect, &u)).collect();
     let with = |subset: usize| {
-        let settings: Vec<Setting> =
-            effects.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, setting)| setting.clone()).collect();
-        rows.samples(&settings)
+        let added = named.effects.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, &effect)| effect);
+        let added: Vec<usize> = added.collect();
+        let settings: Vec<Setting> = added.iter().map(|&effect| setting(coordinates, effect, &u)).collect();
+        rows.samples(&[settings.clone(), left(others.as_ref(), coordinates, &added, &settings)?].concat())
     };
-    let of_subset: Vec<Vec<Sample>> = (0..1 << effects.len()).into_par_iter().map(with).collect::<Result<_>>()?;
+    let of_subset: Vec<Vec<Sample>> = (0..1 << named.effects.len()).into_par_iter().map(with).collect::<Result<_>>()?;
     Ok(Some(Predicted { of_subset, retuned: rows.samples(&coordinates.settings(&u))? }))
+}
+
+/// What the motion before the recordings left of effects that the file has, where effects are `added` with these settings and the file's numbers
+/// are as it has them: the model goes nearly straight by it.
+fn left(rows: &dyn Observed, coordinates: &Coordinates, added: &[usize], settings: &[Setting]) -> Result<Vec<Setting>> {
+    let left: Vec<usize> = coordinates.left().filter(|&c| !added.contains(&coordinates.all[c].effect)).collect();
+    if left.is_empty() {
+        return Ok(Vec::new());
+    }
+    let begun = |of_left: &[f64]| {
+        let mut u = Fitter::new(rows, coordinates).nowhere();
+        left.iter().zip(of_left).for_each(|(&c, value)| u[c] = *value);
+        coordinates.settings(&u)
+    };
+    let residuals = |begun: Vec<Setting>| Ok(DVector::from(rows.residuals(&[settings, &begun].concat(), Links::Settled, &ALL)?));
+    let slope = |k: usize| {
+        let [behind, ahead] = [-LEFT_STEP, LEFT_STEP].map(|step| {
+            let mut of_left = vec![0.0; left.len()];
+            of_left[k] = step;
+            residuals(begun(&of_left))
+        });
+        Ok((ahead? - behind?) / (2.0 * LEFT_STEP))
+    };
+    let slopes = DMatrix::from_columns(&(0..left.len()).map(slope).collect::<Result<Vec<_>>>()?);
+    let prior = DMatrix::from_diagonal(&DVector::from_iterator(
+        left.len(),
+        left.iter().filter_map(|&c| coordinates.tolerance(c)).map(|t| t.powi(-2)),
+    ));
+    let Some(normal) = (slopes.tr_mul(&slopes) + prior).cholesky() else { return Ok(Vec::new()) };
+    let most_probable = normal.solve(&-slopes.tr_mul(&residuals(Vec::new())?));
+    Ok(begun(most_probable.as_slice()))
 }
 
 fn setting(coordinates: &Coordinates, effect: usize, u: &[f64]) -> Setting {
@@ -228,7 +263,6 @@ fn shapley(count: usize, k: usize, value: &dyn Fn(usize) -> f64) -> f64 {
 mod tests {
     use super::super::channels::Measured;
     use super::*;
-    use crate::evidence::recorded::rows::{Links, Observed};
     use crate::evidence::tests::{Seen, tips};
     use approx::assert_relative_eq;
     use raven::effects::{Channel, Sited};

@@ -23,7 +23,7 @@ pub use fitness::{check_bench_fitness, check_fitness};
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{at, number, off, sentence, size, tied, together, words};
+pub use words::{at, number, off, percent, sentence, size, tied, together, words};
 
 use raven::Result;
 use raven::camera::Cameras;

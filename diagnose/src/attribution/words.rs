@@ -304,8 +304,14 @@ fn row(text: &mut String, gap: &Closure) {
 
 fn closed(gap: &Closure) -> String {
     let Some(closed) = gap.closed else { return "no gap".to_owned() };
-    let interval = gap.closed_ci95.map_or_else(String::new, |[low, high]| format!(" ({:.0} to {:.0})", 100.0 * low, 100.0 * high));
-    format!("{:.0} %{interval}", 100.0 * closed)
+    let interval = gap.closed_ci95.map_or_else(String::new, |[low, high]| format!(" ({} to {})", percent(low), percent(high)));
+    format!("{} %{interval}", percent(closed))
+}
+
+/// A part in whole per cent; of what is nearly nothing, 0 without a sign.
+#[must_use]
+pub fn percent(part: f64) -> String {
+    format!("{:.0}", (100.0 * part).round() + 0.0)
 }
 
 #[cfg(test)]

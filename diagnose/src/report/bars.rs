@@ -3,6 +3,7 @@
 use raven::plot::svg::{figure, frame, line, rectangle, text};
 
 use super::{GapBar, PhaseBars};
+use crate::attribution::percent;
 
 /// One pair.
 struct Row {
@@ -44,9 +45,8 @@ pub fn gaps(gaps: &[GapBar]) -> String {
 }
 
 fn notes(gap: &GapBar) -> Vec<String> {
-    let closed = |(closed, [low, high]): (f64, [f64; 2])| {
-        format!("{:.0} % closed (95 %: {:.0} to {:.0} %)", 100.0 * closed, 100.0 * low, 100.0 * high)
-    };
+    let closed =
+        |(closed, [low, high]): (f64, [f64; 2])| format!("{} % closed (95 %: {} to {} %)", percent(closed), percent(low), percent(high));
     let retuned = |after: f64| format!("{} {} with the file retuned", figure(after), gap.unit);
     gap.closed.map(closed).into_iter().chain(gap.retuned.map(retuned)).collect()
 }

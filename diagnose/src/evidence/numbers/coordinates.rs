@@ -149,13 +149,24 @@ impl Coordinates {
         for sited in &self.sited {
             let count = sited.effect.parameters.len();
             let own = &u[at..at + count];
-            let begins = |c: usize| self.all[c].spike.is_some() && self.parameter(c).scale.is_state() && u[c] != 0.0;
-            if acts(sited.effect, own) || (at..at + count).any(begins) {
+            if acts(sited.effect, own) || (at..at + count).any(|c| self.is_left(c) && u[c] != 0.0) {
                 settings.push((*sited, own.to_vec()));
             }
             at += count;
         }
         settings
+    }
+
+    /// The numbers of what the motion before left of effects that the model has and that remember: where friction held a link is forgotten as soon as
+    /// that moves.
+    pub fn left(&self) -> impl Iterator<Item = usize> + '_ {
+        let remembers = |c: &usize| self.sited[self.all[*c].effect].effect.element.is_none();
+        (0..self.all.len()).filter(|&c| self.is_left(c)).filter(remembers)
+    }
+
+    /// Whether a number is what the motion before left of an effect that the model has.
+    fn is_left(&self, c: usize) -> bool {
+        self.all[c].spike.is_some_and(|spike| spike > 0.0) && self.parameter(c).scale.is_state()
     }
 }
 
