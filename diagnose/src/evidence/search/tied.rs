@@ -16,6 +16,8 @@ use crate::evidence::outcome::Outcome;
 pub const TIED_NATS: f64 = 3.0;
 /// The screen from where an effect was fitted may see another one this far behind it that does as well [nat].
 const DOUBT_NATS: f64 = 10.0;
+/// A tie that was fitted is fitted on if it explains so much of what the effect does: of what much is explained of it may have stopped far behind.
+const AS_MUCH: f64 = 0.5;
 /// So many of those that alone explain about as much as an effect are held against it beside others.
 const AS_GOOD_ALONE: usize = 3;
 
@@ -60,10 +62,12 @@ impl Fitter<'_> {
         };
         let ties: Vec<Swap> = rests.iter().flat_map(at_place).collect();
         self.fit_likely(outcome, &best, &rests, &ties, shrink)?;
-        // What was fitted may have stopped on its way, a few nats behind what is the same.
+        // What was fitted may have stopped on its way, behind what is the same.
         let behind = |swap: &Swap| {
+            let rest = rests.iter().find(|(effect, _)| *effect == swap.effect).map(|(_, rest)| rest)?;
+            let within = WITHIN_NATS.max(AS_MUCH * (best.evidence - rest.evidence));
             let known = outcome.fitted.get(&swap.in_effects_of(&best)).map(|(known, _)| known);
-            let known = known.filter(|known| known.evidence < best.evidence && known.evidence > best.evidence - WITHIN_NATS);
+            let known = known.filter(|known| known.evidence < best.evidence && known.evidence > best.evidence - within);
             Some((*swap, known?.u.clone()))
         };
         self.fit_from_best(outcome, &best, &ties.iter().filter_map(behind).collect::<Vec<_>>())?;

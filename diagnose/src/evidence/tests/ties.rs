@@ -124,6 +124,36 @@ fn a_tie_is_held_against_what_was_found_where_the_nominal_model_hides_it() {
 }
 
 #[test]
+fn a_tie_that_stopped_far_behind_is_fitted_on() {
+    // A hard stop, and creep does as well. Either needs a softer cable, at which the hard stop's fit did not arrive.
+    let effects = [("creep", [0, 0]), ("joint-offset", [0, 0]), ("cable-stretch", [1, 0])];
+    let seen = |numbers: &[Option<&[f64]>], follows: bool| {
+        let [crept, offset, soft] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let soft = if follows { soft } else { 0.0 };
+        tips(|k| k.sin() * (1.0 - crept - offset) + k.cos() * (0.05 - soft) * 3.5)
+    };
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| seen(numbers, true));
+    let deaf = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| seen(numbers, false));
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let [creep, offset] = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    let found = fitter.fit(&[creep], &nominal.u, None).unwrap().unwrap();
+    let stopped = Fitter::new(&deaf, &coordinates).fit(&[offset], &nominal.u, None).unwrap().unwrap();
+    let behind = found.evidence - stopped.evidence;
+    assert!(
+        behind > 30.0 && behind < 0.4 * (found.evidence - outcome.none.evidence),
+        "{behind} of {}",
+        found.evidence - outcome.none.evidence
+    );
+    [&found, &stopped].into_iter().for_each(|hypothesis| outcome.keep(hypothesis));
+    outcome.best = found;
+    fitter.hold_against_ties(&mut outcome).unwrap();
+    let (arrived, _) = &outcome.fitted[&vec![offset]];
+    assert!(arrived.evidence > stopped.evidence + behind - 3.0, "{} {}", arrived.evidence, stopped.evidence);
+}
+
+#[test]
 fn a_tie_is_not_held_against_what_was_found_beside_what_is_the_same() {
     // A tool's length and a rotation of the cameras, in whose place the offset of the insertion, which is the tool's length, would do as well.
     let effects = [("camera-rotation", [0, 0]), ("tool-length", [0, 0]), ("joint-offset", [2, 0])];
