@@ -181,26 +181,26 @@ impl Number {
         {
             return Vec::new();
         }
-        let number = |(k, parameter): (usize, &Parameter)| {
-            let straight = matches!(parameter.scale, Scale::Offset(_) | Scale::Factor { .. });
-            let tolerance_u = parameter.tolerance_u(robot, sited.place, sited.measure).filter(|_| straight)?;
-            Some(Self { sited, parameter: k, tolerance_u, joint: sited.joint(robot), recording: None })
-        };
-        effect.parameters.iter().enumerate().filter_map(number).collect()
+        let straight = |parameter: &Parameter| matches!(parameter.scale, Scale::Offset(_) | Scale::Factor { .. });
+        Self::of_effect(robot, sited, straight).collect()
     }
 
     /// What so many recordings begin with of an effect. Where friction held a link is forgotten as soon as that moves.
     fn left(robot: &Robot, sited: Sited, recordings: usize) -> Vec<Self> {
-        let effect = sited.effect;
-        if effect.element.is_some() {
+        if sited.effect.element.is_some() {
             return Vec::new();
         }
-        let states = effect.parameters.iter().enumerate().filter(|(_, parameter)| parameter.scale.is_state());
-        let known = states.filter_map(|(k, state)| {
-            let tolerance_u = state.tolerance_u(robot, sited.place, sited.measure).filter(|u| *u > 0.0)?;
-            Some(Self { sited, parameter: k, tolerance_u, joint: sited.joint(robot), recording: None })
-        });
-        known.flat_map(|of_any| (0..recordings).map(move |s| Self { recording: Some(s), ..of_any.clone() })).collect()
+        let states = Self::of_effect(robot, sited, |parameter| parameter.scale.is_state()).filter(|state| state.tolerance_u > 0.0);
+        states.flat_map(|of_any| (0..recordings).map(move |s| Self { recording: Some(s), ..of_any.clone() })).collect()
+    }
+
+    /// The parameters of an effect that are wanted and have a tolerance.
+    fn of_effect(robot: &Robot, sited: Sited, wanted: impl Fn(&Parameter) -> bool) -> impl Iterator<Item = Self> {
+        let parameters = sited.effect.parameters.iter().enumerate().filter(move |(_, parameter)| wanted(parameter));
+        parameters.filter_map(move |(parameter, of_effect)| {
+            let tolerance_u = of_effect.tolerance_u(robot, sited.place, sited.measure)?;
+            Some(Self { sited, parameter, tolerance_u, joint: sited.joint(robot), recording: None })
+        })
     }
 
     /// Whether it changes how the links swing about their rest.

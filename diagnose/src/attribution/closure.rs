@@ -9,7 +9,7 @@
 //! recordings left of effects that the file has is no gap of the file, and is in all of them as it comes out. Intervals are those of a
 //! bootstrap over blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rand::{RngExt, SeedableRng};
 use raven::Result;
 use rayon::prelude::*;
@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use super::channels::{Sample, Sampled};
 use super::remaining::Remaining;
+use crate::evidence::fit::linear::Quadratic;
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::coordinates::Coordinates;
 use crate::evidence::recorded::rows::{ALL, Links, Observed, Setting};
@@ -165,28 +166,27 @@ fn left(rows: &dyn Observed, coordinates: &Coordinates, added: &[usize], setting
     if left.is_empty() {
         return Ok(Vec::new());
     }
+    let fitter = Fitter::new(rows, coordinates);
     let begun = |of_left: &[f64]| {
-        let mut u = Fitter::new(rows, coordinates).nowhere();
+        let mut u = fitter.nowhere();
         left.iter().zip(of_left).for_each(|(&c, value)| u[c] = *value);
         coordinates.settings(&u)
     };
-    let residuals = |begun: Vec<Setting>| Ok(DVector::from(rows.residuals(&[settings, &begun].concat(), Links::Settled, &ALL)?));
-    let slope = |k: usize| {
+    let residuals = |begun: Vec<Setting>| rows.residuals(&[settings, &begun].concat(), Links::Settled, &ALL);
+    let slope = |k: usize| -> Result<Vec<f64>> {
         let [behind, ahead] = [-LEFT_STEP, LEFT_STEP].map(|step| {
             let mut of_left = vec![0.0; left.len()];
             of_left[k] = step;
             residuals(begun(&of_left))
         });
-        Ok((ahead? - behind?) / (2.0 * LEFT_STEP))
+        // As of a search: what is left less what a step takes of it.
+        Ok(behind?.iter().zip(&ahead?).map(|(behind, ahead)| (behind - ahead) / (2.0 * LEFT_STEP)).collect())
     };
-    let slopes = DMatrix::from_columns(&(0..left.len()).map(slope).collect::<Result<Vec<_>>>()?);
-    let prior = DMatrix::from_diagonal(&DVector::from_iterator(
-        left.len(),
-        left.iter().filter_map(|&c| coordinates.tolerance(c)).map(|t| t.powi(-2)),
-    ));
-    let Some(normal) = (slopes.tr_mul(&slopes) + prior).cholesky() else { return Ok(Vec::new()) };
-    let most_probable = normal.solve(&-slopes.tr_mul(&residuals(Vec::new())?));
-    Ok(begun(most_probable.as_slice()))
+    let slopes = (0..left.len()).map(slope).collect::<Result<Vec<_>>>()?;
+    let slopes: Vec<&[f64]> = slopes.iter().map(Vec::as_slice).collect();
+    let quadratic = Quadratic::new(&slopes, &residuals(Vec::new())?);
+    let most_probable = quadratic.minimum(&DVector::zeros(left.len()), &fitter.precision(&left, added));
+    Ok(most_probable.map(|(step, _)| begun(step.as_slice())).unwrap_or_default())
 }
 
 fn setting(coordinates: &Coordinates, effect: usize, u: &[f64]) -> Setting {
