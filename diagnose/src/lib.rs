@@ -2,17 +2,17 @@
 //!
 //! The simulator is the robot model with the parameter file in hand; the gap is what a recording says against it.
 
-pub mod against;
-pub mod attribution;
+mod against;
+mod attribution;
 pub mod check;
 mod diagnosis;
-pub mod evidence;
-pub mod gap;
-pub mod phase;
+mod evidence;
+mod gap;
+mod phase;
 mod printed;
-pub mod report;
-pub mod residual;
-pub mod whereabouts;
+mod report;
+mod residual;
+mod whereabouts;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -25,10 +25,12 @@ use raven::robot::{KinematicsKind, PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
 
 use crate::against::{Against, Simulation};
-use crate::attribution::{Attribution, Nominal, Side};
+pub use crate::attribution::Nominal;
+use crate::attribution::{Attribution, Side};
 pub use crate::diagnosis::Report;
 use crate::diagnosis::{RobotFile, gaps};
-use crate::evidence::numbers::spread::{Departures, Spread};
+use crate::evidence::numbers::spread::Departures;
+pub use crate::evidence::numbers::spread::Spread;
 use crate::residual::{Channels, channels};
 
 /// Says how large the gap between a robot and its model is, where it lies, which unmodelled effect causes it, and how far it closes.

@@ -14,7 +14,7 @@ mod unknown;
 mod verdict;
 mod words;
 
-pub use closure::{Closure, Retuned, Share};
+pub use closure::Closure;
 pub use detectable::Detectable;
 pub use file_numbers::FileNumber;
 pub use findings::{Attribution, Blamed, Candidate, Estimate, NONE, NotObservable, Point, Side};
@@ -23,7 +23,7 @@ pub use fitness::{check_bench_fitness, check_fitness};
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{at, number, off, percent, sentence, size, tied, together, words};
+pub use words::{at, off, percent, sentence, size, tied, together, words};
 
 use raven::Result;
 use raven::camera::Cameras;

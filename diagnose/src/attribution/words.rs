@@ -317,7 +317,8 @@ pub fn percent(part: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attribution::{Retuned, detectable};
+    use crate::attribution::closure::Retuned;
+    use crate::attribution::detectable;
     use crate::evidence::fit::Fitter;
     use crate::evidence::numbers::coordinates::Coordinates;
     use crate::evidence::outcome::Outcome;
