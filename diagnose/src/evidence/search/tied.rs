@@ -7,6 +7,7 @@
 use raven::Result;
 use raven::effects::Sited;
 
+use super::refit::LOST_NATS;
 use super::screen::Candidate;
 use super::{HOPE_NATS, WITHIN_NATS};
 use crate::evidence::fit::{Fitter, Hypothesis, side_by_side};
@@ -83,6 +84,23 @@ impl Fitter<'_> {
             if self.better(outcome, &tied, &outcome.best) {
                 outcome.best = tied;
             }
+        }
+        self.fitted_on(outcome, &best, &rests)
+    }
+
+    /// Fits what was the best hypothesis once more from the numbers of what is left without one of its effects, if it is better there: a tie may have led
+    /// these farther, by numbers that all have, and what stopped short of them is not less probable for that.
+    fn fitted_on(&self, outcome: &mut Outcome, best: &Hypothesis, rests: &[(usize, Hypothesis)]) -> Result<()> {
+        let rests = rests.iter().filter_map(|(_, rest)| outcome.fitted.get(&rest.effects)).map(|(rest, _)| rest);
+        let starts = rests.flat_map(|rest| [self.mildly(&best.effects, &rest.u), self.taking(&rest.u, &best.effects, &best.u)]);
+        let starts: Vec<Vec<f64>> = starts.collect();
+        let there = side_by_side(&starts, |start| Ok(Some((self.cost_at(&best.effects, start)?, start))))?;
+        let nearest = there.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b)).filter(|(cost, _)| *cost < best.cost - LOST_NATS);
+        let Some((_, start)) = nearest else { return Ok(()) };
+        let Some(again) = self.fit(&best.effects, start, Some(best))? else { return Ok(()) };
+        outcome.keep(&again);
+        if self.better(outcome, &again, &outcome.best) {
+            outcome.best = again;
         }
         Ok(())
     }

@@ -154,6 +154,31 @@ fn a_tie_that_stopped_far_behind_is_fitted_on() {
 }
 
 #[test]
+fn what_was_found_is_fitted_on_from_where_it_is_without_one_of_its_effects() {
+    // A payload and a hard stop beside a softer cable, at which the fit of both did not arrive and that of the payload alone did.
+    let effects = [("payload", [0, 0]), ("joint-offset", [0, 0]), ("cable-stretch", [1, 0])];
+    let seen = |numbers: &[Option<&[f64]>], follows: bool| {
+        let [loaded, offset, soft] = [0, 1, 2].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let soft = if follows { soft } else { 0.0 };
+        tips(|k| k.sin() * (1.0 - loaded) + (2.0 * k).sin() * (0.5 - offset) + k.cos() * (0.05 - soft) * 3.5)
+    };
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| seen(numbers, true));
+    let deaf = Seen::new(&effects, |numbers: &[Option<&[f64]>], _| seen(numbers, false));
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let both = [0, 1].map(|n| rows.effect(&coordinates, n));
+    let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+    let arrives = fitter.fit(&both, &nominal.u, None).unwrap().unwrap();
+    let stopped = Fitter::new(&deaf, &coordinates).fit(&both, &nominal.u, None).unwrap().unwrap();
+    assert!(stopped.evidence < arrives.evidence - 30.0, "{} {}", stopped.evidence, arrives.evidence);
+    outcome.keep(&stopped);
+    outcome.best = stopped;
+    fitter.hold_against_ties(&mut outcome).unwrap();
+    assert_eq!(outcome.best.effects, arrives.effects);
+    assert!(outcome.best.evidence > arrives.evidence - 3.0, "{} {}", outcome.best.evidence, arrives.evidence);
+}
+
+#[test]
 fn a_tie_is_not_held_against_what_was_found_beside_what_is_the_same() {
     // A tool's length and a rotation of the cameras, in whose place the offset of the insertion, which is the tool's length, would do as well.
     let effects = [("camera-rotation", [0, 0]), ("tool-length", [0, 0]), ("joint-offset", [2, 0])];
