@@ -4,10 +4,8 @@ use std::path::Path;
 
 use raven::robot::nominal;
 use raven::simulation::{Case, Motion, Outside, SealedFolder, Sway};
-use raven_diagnose::Nominal;
-use raven_diagnose::Spread;
 use raven_diagnose::check::{Diagnosed, Names, check};
-use raven_diagnose::{diagnose_recording, when_told};
+use raven_diagnose::{Nominal, Spread, diagnose_recording, when_told};
 
 fn case(name: &str, seed: u64, effects: &[&str]) -> Case {
     Case {

@@ -3,8 +3,7 @@
 use raven::camera::Cameras;
 use raven::robot::nominal;
 use raven::simulation::{Motion, Options, SealedFolder, Session};
-use raven_diagnose::Nominal;
-use raven_diagnose::diagnose_recording;
+use raven_diagnose::{Nominal, diagnose_recording};
 
 const PROCESSOR_S: f64 = 120.0;
 const MEMORY_KB: f64 = 2e6;

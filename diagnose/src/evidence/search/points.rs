@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use raven::Result;
 
-use crate::evidence::fit::{Fitter, Hypothesis, cost};
+use crate::evidence::fit::{Fitter, Hypothesis, cost, side_by_side};
 use crate::evidence::numbers::coordinates::{ABSENT, MILDEST};
 use crate::evidence::recorded::rows::Links;
 
@@ -49,6 +49,13 @@ impl Fitter<'_> {
     /// `u` where one effect is as the nominal model has it.
     pub(super) fn without(&self, effect: usize, u: &[f64]) -> Vec<f64> {
         self.taking(u, &[effect], &self.nowhere())
+    }
+
+    /// Which of several numbers cost least under a hypothesis of these effects, the first of those that cost the same, and how much [nat].
+    pub(super) fn cheapest(&self, effects: &[usize], mut starts: Vec<Vec<f64>>) -> Result<Option<(f64, Vec<f64>)>> {
+        starts.dedup();
+        let costs = side_by_side(&starts, |start| self.cost_at(effects, start).map(Some))?;
+        Ok(costs.into_iter().zip(starts).min_by(|(a, _), (b, _)| a.total_cmp(b)))
     }
 
     /// What some numbers cost under a hypothesis of these effects [nat].

@@ -134,14 +134,7 @@ impl Fitter<'_> {
         let without = left_out.iter().fold(whole.u.clone(), |u, &effect| self.without(effect, &u));
         let mut tolerated = without.clone();
         self.free(&effects).into_iter().for_each(|c| tolerated[c] = whole.u[c]);
-        let mut cost = self.cost_at(&effects, &without)?;
-        let mut start = without;
-        if tolerated != start {
-            let there = self.cost_at(&effects, &tolerated)?;
-            if there < cost {
-                (start, cost) = (tolerated, there);
-            }
-        }
+        let Some((cost, start)) = self.cheapest(&effects, vec![without, tolerated])? else { return Ok(None) };
         let known = outcome.fitted.get(&effects).map(|(known, _)| known);
         if known.is_some_and(|known| cost >= known.cost - LOST_NATS) {
             return Ok(known.cloned());

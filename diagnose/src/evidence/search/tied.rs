@@ -93,11 +93,9 @@ impl Fitter<'_> {
     fn fitted_on(&self, outcome: &mut Outcome, best: &Hypothesis, rests: &[(usize, Hypothesis)]) -> Result<()> {
         let rests = rests.iter().filter_map(|(_, rest)| outcome.fitted.get(&rest.effects)).map(|(rest, _)| rest);
         let starts = rests.flat_map(|rest| [self.mildly(&best.effects, &rest.u), self.taking(&rest.u, &best.effects, &best.u)]);
-        let starts: Vec<Vec<f64>> = starts.collect();
-        let there = side_by_side(&starts, |start| Ok(Some((self.cost_at(&best.effects, start)?, start))))?;
-        let nearest = there.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b)).filter(|(cost, _)| *cost < best.cost - LOST_NATS);
+        let nearest = self.cheapest(&best.effects, starts.collect())?.filter(|(cost, _)| *cost < best.cost - LOST_NATS);
         let Some((_, start)) = nearest else { return Ok(()) };
-        let Some(again) = self.fit(&best.effects, start, Some(best))? else { return Ok(()) };
+        let Some(again) = self.fit(&best.effects, &start, Some(best))? else { return Ok(()) };
         outcome.keep(&again);
         if self.better(outcome, &again, &outcome.best) {
             outcome.best = again;
