@@ -18,7 +18,8 @@ pub struct Gap {
     pub noise_floor: f64,
     /// RMS of the measurement against transmission kinematics, noise included, before anything is fitted.
     pub transmission: f64,
-    /// The same against the robot model, its cables and links rolled out over the recorded motor angles.
+    /// The same against the robot model, its cables and links rolled out over the recorded motor angles. It begins as the motion before left effects
+    /// that the file has.
     pub model: f64,
     /// Observations behind it.
     pub observations: usize,

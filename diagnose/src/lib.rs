@@ -4,6 +4,7 @@
 
 mod against;
 mod attribution;
+mod begun;
 pub mod check;
 mod diagnosis;
 mod evidence;
@@ -27,6 +28,7 @@ use raven::{Error, Result, files};
 use crate::against::{Against, Simulation};
 pub use crate::attribution::Nominal;
 use crate::attribution::{Attribution, Side};
+use crate::begun::begun;
 pub use crate::diagnosis::Report;
 use crate::diagnosis::{RobotFile, gaps};
 use crate::evidence::numbers::spread::Departures;
@@ -107,7 +109,9 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
     let recordings = read(&args.logs, &robot)?;
-    let residuals = channels(&recordings, &robot)?;
+    let nominal = Nominal::new(&robot, cameras.as_ref());
+    let begun = begun(&nominal, &recordings)?;
+    let residuals = channels(&robot, &recordings, &begun)?;
     let beside = read(&args.beside, &robot)?;
     let file = RobotFile { file: args.robot.display().to_string(), sha256: files::sha256(&args.robot)? };
     let mut report = Report::new(&robot, file, &residuals);
@@ -122,11 +126,11 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
         report.warnings.push(format!("{} counts for nothing: robot `{}` is a bench, which no camera sees.", path.display(), robot.name));
     }
     report.warnings.iter().for_each(|sentence| cli::warn(sentence));
-    let nominal = Nominal::new(&robot, cameras.as_ref());
-    let Held { recordings, residuals, simulated } = Held::against(&nominal, recordings, residuals, &args.against)?;
+    let held = Held { recordings, begun, residuals, simulated: None };
+    let Held { recordings, begun, residuals, simulated } = held.against(&nominal, &args.against)?;
     // Pixels cannot be put right by a simulation's tips: the tip's gap to it is looked at in metres.
     let lenses = cameras.as_ref().filter(|_| simulated.is_none());
-    let sorted = whereabouts::recorded(&robot, lenses, &recordings, &residuals)?;
+    let sorted = whereabouts::recorded(&robot, lenses, &recordings, &begun, &residuals)?;
     let whereabouts = whereabouts::find(&sorted);
     report.places = whereabouts.listed();
     report.where_in_words = whereabouts.sentences.clone();
@@ -168,6 +172,8 @@ fn read(logs: &[PathBuf], robot: &Robot) -> Result<Vec<Recording>> {
 /// What is held against the model: recordings, or what simulations leave of them.
 struct Held {
     recordings: Vec<Recording>,
+    /// The robot as each begins.
+    begun: Vec<Robot>,
     residuals: Vec<Channels>,
     simulated: Option<Simulated>,
 }
@@ -181,14 +187,18 @@ struct Simulated {
 }
 
 impl Held {
-    fn against(nominal: &Nominal, recordings: Vec<Recording>, residuals: Vec<Channels>, simulations: &[PathBuf]) -> Result<Self> {
+    /// Recordings put right by simulations, if there are any.
+    fn against(self, nominal: &Nominal, simulations: &[PathBuf]) -> Result<Self> {
         if simulations.is_empty() {
-            return Ok(Self { recordings, residuals, simulated: None });
+            return Ok(self);
         }
-        let simulations = against::read(nominal.robot, &recordings, simulations)?;
-        let (put_right, found) = against::compare(nominal.robot, nominal.cameras, &recordings, &simulations)?;
-        let residuals = channels(&put_right, nominal.robot)?;
-        Ok(Self { recordings: put_right, residuals, simulated: Some(Simulated { real: recordings, simulations, found }) })
+        let real = self.recordings;
+        let simulations = against::read(nominal.robot, &real, simulations)?;
+        let (recordings, found) = against::compare(nominal.robot, nominal.cameras, &real, &simulations)?;
+        // As the model has begun that they were put right by.
+        let begun = vec![nominal.robot.clone(); recordings.len()];
+        let residuals = channels(nominal.robot, &recordings, &begun)?;
+        Ok(Self { recordings, begun, residuals, simulated: Some(Simulated { real, simulations, found }) })
     }
 }
 

@@ -36,17 +36,16 @@ pub struct Channels {
     pub unreachable: usize,
 }
 
-/// Residuals of each of `recordings` against `robot`.
+/// Residuals of each of `recordings` against the robot as it begins there, which for each of them is in `begun`.
 ///
 /// # Errors
 /// If a log lacks motor angles, or neither tip, joint encoders of a bench, torque nor the controller's angles can be compared with them.
-pub fn channels(recordings: &[Recording], robot: &Robot) -> Result<Vec<Channels>> {
+pub fn channels(robot: &Robot, recordings: &[Recording], begun: &[Robot]) -> Result<Vec<Channels>> {
     let mut all: Vec<Channels> = if matches!(robot.kinematics, KinematicsKind::Bench) {
         let signs = Signs::of(robot, recordings)?;
         recordings.iter().map(|recording| bench_channels(recording, robot, &signs)).collect::<Result<_>>()?
     } else {
-        let arm = robot.arm()?;
-        recordings.iter().map(|recording| arm_channels(recording, robot, &arm)).collect::<Result<_>>()?
+        recordings.iter().zip(begun).map(|(recording, begun)| arm_channels(recording, begun)).collect::<Result<_>>()?
     };
     for channels in &mut all {
         channels.joints.iter_mut().chain([&mut channels.tip]).for_each(drop_non_finite);
@@ -54,8 +53,8 @@ pub fn channels(recordings: &[Recording], robot: &Robot) -> Result<Vec<Channels>
     Ok(all)
 }
 
-fn arm_channels(recording: &Recording, robot: &Robot, arm: &Arm) -> Result<Channels> {
-    let motor = recording.motor_track()?;
+fn arm_channels(recording: &Recording, robot: &Robot) -> Result<Channels> {
+    let (arm, motor) = (robot.arm()?, recording.motor_track()?);
     let mut channels =
         Channels { controller_difference: controller_difference(recording, &robot.before_calibration().arm()?)?, ..Channels::default() };
     if recording.tip.is_empty() {

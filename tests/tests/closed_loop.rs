@@ -22,4 +22,10 @@ fn an_effect_that_is_in_the_file_is_not_named_again() {
     typed(folder.path(), raven_identify::run, &words).unwrap();
     let second = diagnosed("new.yaml", "second.json");
     assert_eq!(second["verdict"], "none", "{:#}", second["effects"]);
+    // That, half a degree of the elbow, is no gap of the new file.
+    let [before, after] = [&first, &second].map(|report| {
+        let elbow = report["model_gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "elbow").unwrap();
+        elbow["model"].as_f64().unwrap() / elbow["noise_floor"].as_f64().unwrap()
+    });
+    assert!(before > 5.0 && after < 1.2, "{before} {after}");
 }

@@ -143,7 +143,8 @@ fn a_simulation_that_logs_joints_and_no_tip_serves_as_well() {
     without_tip.tip.clear();
     let elbow_rad = [&with_tip, &without_tip].map(|simulated| {
         let (put_right, _) = super::corrected(&robot, None, &real, simulated).unwrap();
-        raven::stats::rms(&crate::residual::channels(&[put_right], &robot).unwrap()[0].joints[1].error).unwrap()
+        let residuals = crate::residual::channels(&robot, &[put_right], std::slice::from_ref(&robot)).unwrap();
+        raven::stats::rms(&residuals[0].joints[1].error).unwrap()
     });
     assert!((elbow_rad[1] / elbow_rad[0] - 1.0).abs() < 0.01, "{elbow_rad:?}");
     (without_tip.joint_encoders, without_tip.motor.as_mut().unwrap().effort) = (None, None);

@@ -9,7 +9,6 @@
 //! recordings left of effects that the file has is no gap of the file, and is in all of them as it comes out. Intervals are those of a
 //! bootstrap over blocks; shares of several effects are Shapley's (1953): the mean over all orders of what each adds.
 
-use nalgebra::DVector;
 use rand::{RngExt, SeedableRng};
 use raven::Result;
 use rayon::prelude::*;
@@ -17,10 +16,10 @@ use serde::Serialize;
 
 use super::channels::{Sample, Sampled};
 use super::remaining::Remaining;
-use crate::evidence::fit::linear::Quadratic;
 use crate::evidence::fit::{Fitter, Hypothesis};
+use crate::evidence::left::left;
 use crate::evidence::numbers::coordinates::Coordinates;
-use crate::evidence::recorded::rows::{ALL, Links, Observed, Setting};
+use crate::evidence::recorded::rows::Setting;
 
 /// The gap of one channel, before and after.
 #[derive(Debug, Clone, Serialize)]
@@ -72,8 +71,6 @@ pub struct Share {
 const BLOCK_S: f64 = 3.0;
 /// Resamples of the bootstrap.
 const RESAMPLES: usize = 1000;
-/// Step of the difference quotient by what the motion before left, of its deviation.
-const LEFT_STEP: f64 = 0.1;
 const SEED: u64 = 20_170_925;
 /// A gap is there if its squared error is this much above the floor.
 const GAP_MIN: f64 = 1.05;
@@ -159,36 +156,6 @@ fn predicted(rows: &dyn Sampled, coordinates: &Coordinates, named: &Hypothesis, 
     Ok(Some(Predicted { of_subset, retuned: rows.samples(&coordinates.settings(&u))? }))
 }
 
-/// What the motion before the recordings left of effects that the file has, where effects are `added` with these settings and the file's numbers
-/// are as it has them: the model goes nearly straight by it.
-fn left(rows: &dyn Observed, coordinates: &Coordinates, added: &[usize], settings: &[Setting]) -> Result<Vec<Setting>> {
-    let left: Vec<usize> = coordinates.left().filter(|&c| !added.contains(&coordinates.all[c].effect)).collect();
-    if left.is_empty() {
-        return Ok(Vec::new());
-    }
-    let fitter = Fitter::new(rows, coordinates);
-    let begun = |of_left: &[f64]| {
-        let mut u = fitter.nowhere();
-        left.iter().zip(of_left).for_each(|(&c, value)| u[c] = *value);
-        coordinates.settings(&u)
-    };
-    let residuals = |begun: Vec<Setting>| rows.residuals(&[settings, &begun].concat(), Links::Settled, &ALL);
-    let slope = |k: usize| -> Result<Vec<f64>> {
-        let [behind, ahead] = [-LEFT_STEP, LEFT_STEP].map(|step| {
-            let mut of_left = vec![0.0; left.len()];
-            of_left[k] = step;
-            residuals(begun(&of_left))
-        });
-        // As of a search: what is left less what a step takes of it.
-        Ok(behind?.iter().zip(&ahead?).map(|(behind, ahead)| (behind - ahead) / (2.0 * LEFT_STEP)).collect())
-    };
-    let slopes = (0..left.len()).map(slope).collect::<Result<Vec<_>>>()?;
-    let slopes: Vec<&[f64]> = slopes.iter().map(Vec::as_slice).collect();
-    let quadratic = Quadratic::new(&slopes, &residuals(Vec::new())?);
-    let most_probable = quadratic.minimum(&DVector::zeros(left.len()), &fitter.precision(&left, added));
-    Ok(most_probable.map(|(step, _)| begun(step.as_slice())).unwrap_or_default())
-}
-
 fn setting(coordinates: &Coordinates, effect: usize, u: &[f64]) -> Setting {
     (coordinates.sited[effect], coordinates.own(effect, u))
 }
@@ -263,6 +230,7 @@ fn shapley(count: usize, k: usize, value: &dyn Fn(usize) -> f64) -> f64 {
 mod tests {
     use super::super::channels::Measured;
     use super::*;
+    use crate::evidence::recorded::rows::{Links, Observed};
     use crate::evidence::tests::{Seen, tips};
     use approx::assert_relative_eq;
     use raven::effects::{Channel, Sited};

@@ -12,6 +12,7 @@
 //! - [`weighing`]: which of two hypotheses is better, by what they leave ([`weighing::leftover`]), by blocks of time (`paired`), and whether a size is
 //!   beyond its scatter (`beyond`, [`weighing::clustered`]).
 //! - [`outcome`]: what a search comes to.
+//! - [`left`]: what the motion before recordings left of effects that the file has.
 //!
 //! # Words
 //! - `u`: a number's departure from the nominal model in units of its effect's prior, the slab. A number of the nominal model has a narrower one, the
@@ -23,6 +24,7 @@
 //! - Tempered: with what the best hypothesis leaves counting as noise.
 
 pub mod fit;
+pub mod left;
 pub mod numbers;
 pub mod outcome;
 pub mod recorded;

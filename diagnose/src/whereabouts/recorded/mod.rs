@@ -27,7 +27,8 @@ use torque::torque_track;
 
 /// Denser residuals are averaged over so long [s]: more samples say no more about motions of a few hertz.
 const AVERAGED_S: f64 = 0.02;
-/// All channels that recordings offer; `residuals` are those of the joints, recording by recording.
+
+/// All channels that recordings offer; `begun` is the robot as each begins, and `residuals` are those of its joints.
 ///
 /// # Errors
 /// If a recording has no motor angles, or the model cannot be built.
@@ -35,6 +36,7 @@ pub fn recorded(
     robot: &Robot,
     cameras: Option<&Cameras>,
     recordings: &[Recording],
+    begun: &[Robot],
     residuals: &[residual::Channels],
 ) -> Result<Vec<Channel>> {
     let joint_channel = |joint: &Joint, stage, name: String, unit, scale| Channel {
@@ -65,7 +67,7 @@ pub fn recorded(
     let arm = robot.arm().ok();
     let seen_in_pixels = pixels_known(cameras, recordings);
     let mut tips = tip_channels(seen_in_pixels.is_some());
-    for (recording, residuals) in recordings.iter().zip(residuals) {
+    for ((recording, begun), residuals) in recordings.iter().zip(begun).zip(residuals) {
         let ninths = match seen_in_pixels.zip(arm.as_ref()) {
             Some((cameras, arm)) => ninths(recording, &cameras.left, &TipCorrection::of(robot, arm)?),
             None => Vec::new(),
@@ -77,7 +79,7 @@ pub fn recorded(
             });
         }
         if let Some(arm) = &arm {
-            let (model, data) = (Model::new(robot, cameras)?, Data::new(recording, cameras)?);
+            let (model, data) = (Model::new(begun, cameras)?, Data::new(recording, cameras)?);
             let model_of_torque = TorqueModel::new(&model)?;
             let (_, tensions) = TipModel::new(&model, &data.motors)?.rolled_out(&[], &data.shafts);
             let drives = OfArm::new(&model_of_torque, &data.shafts, &tensions);
