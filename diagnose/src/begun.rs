@@ -4,10 +4,9 @@ use raven::Result;
 use raven::log::Recording;
 use raven::robot::{KinematicsKind, Robot};
 
-use crate::attribution::Nominal;
+use crate::attribution::{Nominal, data};
 use crate::evidence::left::left;
 use crate::evidence::numbers::coordinates::Coordinates;
-use crate::evidence::recorded::data::Data;
 use crate::evidence::recorded::rows::Rows;
 
 /// The robot file with what the motion before each of the recordings left of effects that it has, as far as they show that; a bench's as it is.
@@ -21,7 +20,7 @@ pub fn begun(nominal: &Nominal, recordings: &[Recording]) -> Result<Vec<Robot>> 
         if matches!(robot.kinematics, KinematicsKind::Bench) {
             return Ok(begun);
         }
-        let data = [Data::new(recording, *cameras)?.weighed()];
+        let data = data(std::slice::from_ref(recording), *cameras)?;
         let rows = Rows::new(robot, *cameras, &data)?;
         let left = left(&rows, &Coordinates::new(robot, &rows), &[], &[])?;
         left.iter().try_fold(begun, |robot, (sited, u)| sited.begun(&robot, &sited.values(u)))

@@ -61,7 +61,10 @@ impl<'a> Nominal<'a> {
 }
 
 /// What recordings of an arm say, as far as it weighs anything.
-fn data(recordings: &[Recording], cameras: Option<&Cameras>) -> Result<Vec<Data>> {
+///
+/// # Errors
+/// If a recording has no motor angles.
+pub(crate) fn data(recordings: &[Recording], cameras: Option<&Cameras>) -> Result<Vec<Data>> {
     recordings.iter().map(|recording| Ok(Data::new(recording, cameras)?.weighed())).collect()
 }
 

@@ -168,7 +168,7 @@ fn a_joint_counts_from_its_hard_stop_wherever_the_motor_was_set_to_there() {
     for (hard_stop, motor) in [(0.1, None), (0.1, Some(0.02))] {
         (robot.joints[0].hard_stop, robot.joints[0].motor_at_hard_stop) = (hard_stop, motor);
         let recording = recorded(&robot, &[]);
-        let channels = crate::residual::channels(&robot, &[recording], &[]).unwrap();
+        let channels = crate::residual::channels(&robot, &[recording], std::slice::from_ref(&robot)).unwrap();
         // The cable stretches by some millimetres at most.
         let largest_m = channels[0].joints[0].error.iter().fold(0.0, |largest: f64, error| largest.max(error.abs()));
         assert!(largest_m < 0.01, "{motor:?}: {largest_m}");
