@@ -177,13 +177,19 @@ impl Tension {
     /// At a time, the nearest sample's before the first and after the last.
     #[must_use]
     pub fn at(&self, time_s: f64) -> Vector3<f64> {
-        let after = self.time_s.partition_point(|&t| t < time_s);
-        let sample = |k: usize| Some((*self.time_s.get(k)?, *self.value.get(k)?));
-        match (after.checked_sub(1).and_then(sample), sample(after)) {
-            (Some((t0, v0)), Some((t1, v1))) => v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)),
-            (Some((_, v)), None) | (None, Some((_, v))) => v,
-            (None, None) => Vector3::zeros(),
-        }
+        held(&self.time_s, &self.value, time_s)
+    }
+}
+
+/// A series at a time: linear between samples at rising times [s], the nearest sample before the first and after the last, zero of none.
+#[must_use]
+pub fn held(times_s: &[f64], values: &[Vector3<f64>], time_s: f64) -> Vector3<f64> {
+    let after = times_s.partition_point(|&t| t < time_s);
+    let sample = |k: usize| Some((*times_s.get(k)?, *values.get(k)?));
+    match (after.checked_sub(1).and_then(sample), sample(after)) {
+        (Some((t0, v0)), Some((t1, v1))) => v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)),
+        (Some((_, v)), None) | (None, Some((_, v))) => v,
+        (None, None) => Vector3::zeros(),
     }
 }
 

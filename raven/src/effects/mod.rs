@@ -18,7 +18,7 @@ mod tip;
 mod torque;
 mod view;
 
-pub use bench::{BenchModel, Driven, LinkMotion, Tension};
+pub use bench::{BenchModel, Driven, LinkMotion, Tension, held};
 pub use command::Command;
 pub use document::document;
 pub use library::{ALL, AMOUNTS};

@@ -11,21 +11,21 @@ use crate::robot::{Arm, Cable, KinematicsKind, Motor, MotorLaw, MotorTrack, Obse
 use super::{Sited, View};
 
 /// What a drive does beyond the numbers of the robot file.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Drive {
     /// Torque delivered per torque commanded.
     pub torque_gain: f64,
     /// The command is clipped beyond this [N m].
     pub torque_limit: f64,
-    /// Ripple on the shaft, `[a, n]`: `a sin(n q_m)` [N m, 1].
-    pub ripple: [f64; 2],
-    /// More Coulomb friction at low speed, `[d, v_s]`: `1 + d exp(-(v / v_s)^2)`, speed at the motor [1, rad/s].
-    pub stribeck: [f64; 2],
+    /// Ripples on the shaft, `[a, n]` each: `a sin(n q_m)` [N m, 1].
+    pub ripples: Vec<[f64; 2]>,
+    /// More Coulomb friction at low speed, `[d, v_s]` each: `1 + d exp(-(v / v_s)^2)`, speed at the motor [1, rad/s].
+    pub stribeck: Vec<[f64; 2]>,
 }
 
 impl Default for Drive {
     fn default() -> Self {
-        Self { torque_gain: 1.0, torque_limit: f64::INFINITY, ripple: [0.0, 1.0], stribeck: [0.0, 1.0] }
+        Self { torque_gain: 1.0, torque_limit: f64::INFINITY, ripples: Vec::new(), stribeck: Vec::new() }
     }
 }
 
@@ -85,7 +85,7 @@ impl Model {
         let mut robot = robot.clone();
         robot.effects.clear();
         let view = View::new(None, Vector3::zeros(), &Observation::default());
-        Self { robot, motors: Vec::new(), drives: [Drive::default(); 3], view }
+        Self { robot, motors: Vec::new(), drives: Default::default(), view }
     }
 
     /// With the effects that `robot` lists.

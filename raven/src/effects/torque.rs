@@ -55,7 +55,7 @@ impl Shafts {
         let joint = |j: usize| model.robot.joints.get(j);
         Self {
             motors: std::array::from_fn(|j| joint(j).and_then(|joint| joint.motor).unwrap_or_default()),
-            drives: model.drives,
+            drives: model.drives.clone(),
             gear_ratio: Vector3::from_fn(|j, _| joint(j).map_or(1.0, |joint| joint.gear_ratio)),
         }
     }
@@ -63,7 +63,7 @@ impl Shafts {
     /// What the drives deliver of a command [N m].
     pub(super) fn delivered(&self, commanded: &Command) -> Vector3<f64> {
         commanded.mean_of(|j, torque| {
-            let Drive { torque_gain, torque_limit, .. } = self.drives[j];
+            let &Drive { torque_gain, torque_limit, .. } = &self.drives[j];
             (torque * torque_gain).clamp(-torque_limit, torque_limit)
         })
     }
@@ -78,10 +78,12 @@ impl Shafts {
     pub(super) fn taken(&self, shaft: &Shaft, way: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|j, _| {
             let (motor, drive, rate) = (&self.motors[j], &self.drives[j], shaft.rate[j]);
-            let [depth, speed] = drive.stribeck;
-            let dry = motor.coulomb_friction * (1.0 + depth * (-(rate / speed).powi(2)).exp()) * way[j];
-            let [amplitude, per_turn] = drive.ripple;
-            let ripple = amplitude * (per_turn * shaft.angle[j]).sin() * averaged(0.5 * shaft.window_s * per_turn * rate);
+            let slow: f64 = drive.stribeck.iter().map(|[depth, speed]| depth * (-(rate / speed).powi(2)).exp()).sum();
+            let dry = motor.coulomb_friction * (1.0 + slow) * way[j];
+            let wave = |&[amplitude, per_turn]: &[f64; 2]| {
+                amplitude * (per_turn * shaft.angle[j]).sin() * averaged(0.5 * shaft.window_s * per_turn * rate)
+            };
+            let ripple: f64 = drive.ripples.iter().map(wave).sum();
             self.gear_ratio[j] * (motor.inertia * shaft.acceleration[j] + dry + motor.viscous_friction * rate - ripple)
         })
     }
@@ -156,6 +158,14 @@ impl TorqueModel {
         tension
     }
 
+    /// What the drives delivered [N m] beyond what they must have while the cables pulled with such tension differences [N], or moved the links without
+    /// stretch where these are not known.
+    #[must_use]
+    pub fn lacking(&self, shaft: &Shaft, tension_n: Option<&Vector3<f64>>) -> Vector3<f64> {
+        let rigid_n = || self.rigid_n(shaft);
+        self.delivered(&shaft.commanded) - self.needed(shaft, &tension_n.copied().unwrap_or_else(rigid_n))
+    }
+
     /// What the drives must have delivered [N m] while the cables pulled with such tension differences [N].
     #[must_use]
     pub fn needed(&self, shaft: &Shaft, tension_n: &Vector3<f64>) -> Vector3<f64> {
@@ -166,6 +176,38 @@ impl TorqueModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::Sited;
+    use crate::robot::nominal;
+
+    #[test]
+    fn what_a_drive_does_comes_on_top_of_what_the_file_has_of_the_same_kind() {
+        let robot = nominal::gold();
+        let of = |id: &str| Sited::all(&robot).into_iter().find(|sited| sited.effect.id == id && sited.place.first == 1).unwrap();
+        let rate = Vector3::repeat(2.0);
+        let [angle, acceleration] = [Vector3::repeat(0.3), Vector3::zeros()];
+        let commanded = Command::steady(Vector3::repeat(1.0));
+        let shaft = Shaft { time_s: 0.0, angle, rate, acceleration, commanded, window_s: 0.0 };
+        let of_effects = |effects: &[(&str, [f64; 2])]| {
+            let bare = Model::new(&robot, None).unwrap();
+            let model = effects.iter().fold(bare, |model, (id, values)| model.with_values(&of(id), values));
+            let torque = TorqueModel::new(&model).unwrap();
+            [torque.needed(&shaft, &Vector3::zeros())[1], torque.delivered(&shaft.commanded)[1]]
+        };
+        let [bare, _] = of_effects(&[]);
+        for pair in [
+            [("torque-ripple", [2e-3, 5.0]), ("torque-ripple", [1e-3, 8.0])],
+            [("stribeck-friction", [0.5, 4.0]), ("stribeck-friction", [0.3, 9.0])],
+        ] {
+            let apart: f64 = pair.iter().map(|one| of_effects(&[*one])[0] - bare).sum();
+            assert!(apart.abs() > 1e-4);
+            approx::assert_relative_eq!(of_effects(&pair)[0] - bare, apart, max_relative = 1e-9);
+        }
+        // What one limit lets through another one may not.
+        for limits in [[0.2, 0.4], [0.4, 0.2]] {
+            let [_, delivered] = of_effects(&limits.map(|limit| ("torque-saturation", [limit, 0.0])));
+            approx::assert_relative_eq!(delivered, 0.2, max_relative = 1e-9);
+        }
+    }
 
     #[test]
     fn a_wave_is_averaged_as_a_window_weighs_it() {

@@ -18,6 +18,6 @@ pub const EFFECT: Effect = Effect {
     ties: &[Tie::near("motor-coulomb-friction")],
     separated_by: "ramps at a tenth of a degree per second",
     act: |model, place, values| {
-        model.drives[place.first].stribeck = [values[0], values[1]];
+        model.drives[place.first].stribeck.push([values[0], values[1]]);
     },
 };

@@ -18,6 +18,6 @@ pub const EFFECT: Effect = Effect {
     ties: &[Tie::near("pulley-eccentricity")],
     separated_by: "a slow turn of the motor",
     act: |model, place, values| {
-        model.drives[place.first].ripple = [values[0], values[1]];
+        model.drives[place.first].ripples.push([values[0], values[1]]);
     },
 };

@@ -15,6 +15,7 @@ pub const EFFECT: Effect = Effect {
     ties: &[],
     separated_by: "fast motion",
     act: |model, place, values| {
-        model.drives[place.first].torque_limit = values[0];
+        let limit = &mut model.drives[place.first].torque_limit;
+        *limit = limit.min(values[0]);
     },
 };
