@@ -18,6 +18,7 @@
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector3};
 use raven::camera::{Cameras, Quality};
+use raven::stats::student_quantile;
 
 use crate::bundle::{Free, hold};
 use crate::linear::{Block, Rig, SHARED};
@@ -72,7 +73,8 @@ impl Deviations {
         let Some(parts) = parts else { return f64::INFINITY };
         let of = |i: usize, j: usize| if i == j { parts[i].0 } else { 0.0 } - parts[i].1.dot(&parts[j].1);
         let matrix = DMatrix::from_fn(parts.len(), parts.len(), of);
-        t95(matrix.trace().powi(2) / matrix.norm_squared())
+        let freedom = matrix.trace().powi(2) / matrix.norm_squared();
+        student_quantile(freedom.max(1.0), 0.975).unwrap_or(f64::INFINITY)
     }
 
     /// As [`Self::t95`], of one parameter.
@@ -92,23 +94,6 @@ fn rest_to(share: &Square, power: f64) -> Option<Square> {
     }
     let scale = eigen.eigenvalues.map(|value| (1.0 - value).powf(power));
     Some(eigen.eigenvectors * Square::from_diagonal(&scale) * eigen.eigenvectors.transpose())
-}
-
-/// Two-sided 95 % quantile of Student's t: how many standard deviations make 95 %.
-///
-/// Cornish and Fisher's expansion about the normal quantile (Abramowitz and Stegun 26.7.5), good to 1 % from two degrees on.
-#[must_use]
-pub fn t95(freedom: f64) -> f64 {
-    let z: f64 = 1.959_963_985;
-    let [z3, z5, z7, z9] = [3, 5, 7, 9].map(|n| z.powi(n));
-    let terms = [
-        (z3 + z) / 4.0,
-        (5.0 * z5 + 16.0 * z3 + 3.0 * z) / 96.0,
-        (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / 384.0,
-        (79.0 * z9 + 776.0 * z7 + 1482.0 * z5 - 1920.0 * z3 - 945.0 * z) / 92160.0,
-    ];
-    let inverse = 1.0 / freedom.max(1.0);
-    z + terms.iter().rev().fold(0.0, |sum, term| (sum + term) * inverse)
 }
 
 /// Covariance of a point seen by both cameras [m^2] that comes from the calibration alone, in the left camera's frame.

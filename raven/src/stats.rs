@@ -155,11 +155,25 @@ pub fn chi_square_quantile(degrees: usize, p: f64) -> Option<f64> {
     ChiSquared::new(degrees as f64).ok().map(|d| d.inverse_cdf(p))
 }
 
+/// The value that Student's t with so many `degrees` of freedom stays below with probability `p`.
+#[must_use]
+pub fn student_quantile(degrees: f64, p: f64) -> Option<f64> {
+    StudentsT::new(0.0, 1.0, degrees).ok().map(|d| d.inverse_cdf(p))
+}
+
 #[cfg(test)]
 mod tests {
     use approx::assert_relative_eq;
 
     use super::*;
+
+    #[test]
+    fn student_quantiles_of_the_tables() {
+        // Abramowitz and Stegun, table 26.10.
+        for (degrees, quantile) in [(1.0, 12.706), (2.0, 4.303), (5.0, 2.571), (10.0, 2.228), (30.0, 2.042), (1e5, 1.960)] {
+            assert_relative_eq!(student_quantile(degrees, 0.975).unwrap(), quantile, epsilon = 6e-4);
+        }
+    }
 
     #[test]
     fn normal_quantiles_of_the_tables() {
