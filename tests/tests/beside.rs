@@ -1,4 +1,4 @@
-//! A recording that is diagnosed beside others of its rig.
+//! A recording that is diagnosed beside others of its rig, and recordings that are diagnosed together.
 
 use std::path::Path;
 
@@ -33,4 +33,26 @@ fn other_recordings_of_a_rig_say_how_far_it_is_off() {
     let twice = [&words[..], &["--beside", "{today.mcap}"]].concat();
     let refused = typed(folder.path(), raven_diagnose::run, &twice).unwrap_err();
     assert!(refused.contains("is the same recording as"), "{refused}");
+}
+
+#[test]
+fn recordings_that_are_diagnosed_together_each_begin_as_the_motion_before_left_them() {
+    let folder = tempfile::tempdir().unwrap();
+    raven::robot::nominal::gold().write(&folder.path().join("robot.yaml")).unwrap();
+    let words = ["simulate", "--motion", "rich", "--duration", "16", "--effect", "cable-slip:elbow=8,0.01", "--seed", "5"];
+    let files = ["--cameras-out", "{cameras.yaml}", "-o", "{log.mcap}"];
+    typed(folder.path(), raven_capture::run, &[&words[..], &files].concat()).unwrap();
+    for [from, to, part] in [["0", "8", "{first.mcap}"], ["8", "16", "{second.mcap}"]] {
+        typed(folder.path(), raven_capture::run, &["cut", "{log.mcap}", "--from", from, "--to", to, "-o", part]).unwrap();
+    }
+    let words = ["{first.mcap}", "{second.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--json", "{report.json}"];
+    typed(folder.path(), raven_diagnose::run, &words).unwrap();
+    let report = json(folder.path(), "report.json");
+    let [slip] = report["effects"].as_array().unwrap().as_slice() else { panic!("{:#}", report["effects"]) };
+    let sizes: Vec<&str> = slip["parameters"].as_array().unwrap().iter().map(|number| number["name"].as_str().unwrap()).collect();
+    // How far a cable had slipped before is another number in each, and none of the robot's.
+    assert_eq!((slip["id"].as_str().unwrap(), sizes), ("cable-slip", vec!["force", "fraction", "width"]));
+    let elbow = report["gap"].as_array().unwrap().iter().find(|gap| gap["channel"] == "elbow").unwrap();
+    let [floor, before, after] = ["noise_floor", "before", "after"].map(|key| elbow[key].as_f64().unwrap());
+    assert!(before > 10.0 * floor && after < 1.3 * floor, "{elbow}");
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use raven::Result;
 use raven::camera::Cameras;
-use raven::effects::{Channel, TipModel, TorqueModel};
+use raven::effects::{Channel, TipModel, TorqueModel, held};
 use raven::log::{JointSeries, Recording, TipObservation, TipStatus};
 use raven::observation::{TipCorrection, three_joints};
 use raven::robot::{Arm, Robot};
@@ -37,13 +37,7 @@ impl Series {
 
     /// The first component at a time, over pauses and beyond the ends too; 0 of nothing.
     pub fn held(&self, time_s: f64) -> f64 {
-        let after = self.time_s.partition_point(|&t| t < time_s);
-        let sample = |k: usize| Some((*self.time_s.get(k)?, self.value.get(k)?.x));
-        match (after.checked_sub(1).and_then(sample), sample(after)) {
-            (Some((t0, v0)), Some((t1, v1))) => v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)),
-            (Some((_, v)), None) | (None, Some((_, v))) => v,
-            (None, None) => 0.0,
-        }
+        held(&self.time_s, &self.value, time_s).x
     }
 
     /// Value and covariance at a time; `None` before the first sample, after the last, and in pauses.
@@ -79,7 +73,7 @@ impl Deviation {
         let data = [Data::new(&simulated, cameras)?];
         let rows = Rows::new(robot, cameras, &data)?;
         let [data] = &data;
-        let model = rows.model(&[])?;
+        let model = rows.model(&[], 0)?;
         let (seen, tensions) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &data.shafts);
         let mut tip = Series::default();
         for (sight, seen) in data.sights.iter().zip(seen) {
@@ -90,9 +84,7 @@ impl Deviation {
         let drives = TorqueModel::new(&model)?;
         let mut torque = <[Series; 3]>::default();
         for ((shaft, tension), weight) in data.shafts.iter().zip(tensions).zip(rows.torque_weights(0)) {
-            let tension_n = tension.unwrap_or_else(|| drives.rigid_n(shaft));
-            let lacking = drives.delivered(&shaft.commanded) - drives.needed(shaft, &tension_n);
-            push_counted(&mut torque, shaft.time_s, &lacking, weight);
+            push_counted(&mut torque, shaft.time_s, &drives.lacking(shaft, tension.as_ref()), weight);
         }
         Ok(Self {
             tip: (!tip.time_s.is_empty()).then_some(tip),

@@ -19,7 +19,7 @@ use super::remaining::Remaining;
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::left::left;
 use crate::evidence::numbers::coordinates::Coordinates;
-use crate::evidence::recorded::rows::Setting;
+use crate::evidence::recorded::settings::Setting;
 
 /// The gap of one channel, before and after.
 #[derive(Debug, Clone, Serialize)]
@@ -247,6 +247,9 @@ mod tests {
     impl Observed for Half {
         fn robot(&self) -> &Robot {
             self.seen.robot()
+        }
+        fn recordings(&self) -> usize {
+            self.seen.recordings()
         }
         fn tip_rows(&self) -> usize {
             self.seen.tip_rows()

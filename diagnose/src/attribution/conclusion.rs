@@ -64,7 +64,7 @@ pub(super) fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(
         for &effect in &best.effects {
             let ties = ties::ties(fitter, outcome, best, effect);
             let probability = ties::probability(&probabilities, &fitter.coordinates.sited, effect);
-            effects.push(Blamed { probability, ties, ..cause(fitter, outcome, best, &deviations, effect) });
+            effects.push(Blamed { probability, ties, ..cause(fitter, outcome, best, &deviations, effect)? });
         }
         effects.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     }
@@ -96,23 +96,30 @@ pub(super) fn attribution<'a>(fitter: &Fitter, outcome: &'a Outcome) -> Result<(
     Ok((attribution, closing))
 }
 
-/// An effect of the best hypothesis, the deviations of whose free coordinates are given.
-fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, deviations: &[f64], effect: usize) -> Blamed {
+/// An effect of the best hypothesis, the deviations of whose free coordinates are given. What it is worth is what that is beyond the hypothesis without
+/// it, which is fitted if it has not been.
+fn cause(fitter: &Fitter, outcome: &Outcome, best: &Hypothesis, deviations: &[f64], effect: usize) -> Result<Blamed> {
     let coordinates = fitter.coordinates;
     let sited = coordinates.sited[effect];
     let std = |c: usize| best.free.iter().position(|&free| free == c).map_or(0.0, |k| deviations[k]);
-    let evidence = |effects: &[usize]| {
+    let known = |effects: &[usize]| {
         let fitted = outcome.fitted.get(effects).map(|(_, evidence)| *evidence);
-        fitted.or_else(|| outcome.spurious.get(effects).copied()).unwrap_or(f64::NEG_INFINITY)
+        fitted.or_else(|| outcome.spurious.get(effects).copied())
     };
-    Blamed {
+    let without = match known(&best.all_but(effect)) {
+        Some(evidence) => evidence,
+        None => fitter.rest(outcome, best, &[effect])?.map_or(f64::NEG_INFINITY, |rest| fitter.tempered(&rest, &outcome.leftover)),
+    };
+    // What the motion before left is another number in each of several recordings, and none of the robot's.
+    let is_of_all = |c: &usize| coordinates.all[*c].recording.is_none() || fitter.rows.recordings() == 1;
+    Ok(Blamed {
         id: sited.effect.id,
         joint: sited.joint(fitter.rows.robot()),
         probability: 0.0,
-        evidence_nats: evidence(&best.effects) - evidence(&best.all_but(effect)),
-        parameters: coordinates.of(effect).map(|c| estimate(fitter, best, c, std(c))).collect(),
+        evidence_nats: known(&best.effects).unwrap_or(f64::NEG_INFINITY) - without,
+        parameters: coordinates.of(effect).filter(is_of_all).map(|c| estimate(fitter, best, c, std(c))).collect(),
         ties: Vec::new(),
-    }
+    })
 }
 
 /// A coordinate of a hypothesis with its deviation as a number in its unit.

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::words::number;
 use super::{Closure, Detectable, FileNumber, Remaining, Tied, Word};
 use crate::evidence::numbers::spread::{Departures, Spread};
-use crate::evidence::recorded::rows::Setting;
+use crate::evidence::recorded::settings::Setting;
 
 /// What the recordings say of causes.
 #[derive(Debug, Clone, Serialize)]

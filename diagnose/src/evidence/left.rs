@@ -1,4 +1,4 @@
-//! What the motion before recordings left of effects that the robot file has: creep that has not settled, slip, where in its loop a cable is. It is no
+//! What the motion before each recording left of effects that the robot file has: creep that has not settled, slip, where in its loop a cable is. It is no
 //! gap of the file.
 
 use nalgebra::DVector;
@@ -7,7 +7,8 @@ use raven::Result;
 use super::fit::Fitter;
 use super::fit::linear::Quadratic;
 use super::numbers::coordinates::Coordinates;
-use super::recorded::rows::{ALL, Links, Observed, Setting};
+use super::recorded::rows::{ALL, Links, Observed};
+use super::recorded::settings::Setting;
 
 /// Step of the difference quotient by what was left, of its deviation.
 const LEFT_STEP: f64 = 0.1;

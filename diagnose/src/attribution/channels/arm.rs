@@ -6,7 +6,8 @@ use raven::effects::{Channel, Shaft, TipModel, TorqueModel};
 
 use super::{Measured, Sample, Sampled};
 use crate::evidence::recorded::noise::{far_apart, white_noise_of};
-use crate::evidence::recorded::rows::{Inflation, Observed, Rows, Setting};
+use crate::evidence::recorded::rows::{Inflation, Observed, Rows};
+use crate::evidence::recorded::settings::Setting;
 
 /// Place of the tip among the channels; the joints come before, their torques after.
 const TIP: usize = 3;
@@ -26,12 +27,12 @@ impl Sampled for Rows<'_> {
     }
 
     fn samples(&self, settings: &[Setting]) -> Result<Vec<Sample>> {
-        let model = self.model(settings)?;
         let nominal = self.robot().arm()?;
         let transmission = &nominal.transmission;
-        let torque = TorqueModel::new(&model)?;
         let mut samples = Vec::new();
         for (recording, data) in self.data().iter().enumerate() {
+            let model = self.model(settings, recording)?;
+            let torque = TorqueModel::new(&model)?;
             let (seen, tensions) = TipModel::new(&model, &data.motors)?.rolled_out(&data.sights, &data.shafts);
             for (sight, seen) in data.sights.iter().zip(seen) {
                 let time_s = sight.stamp_s;
@@ -45,11 +46,8 @@ impl Sampled for Rows<'_> {
                 samples.extend((0..3).map(|j| of(j, joint[j], covariance[(j, j)], rate[j])));
                 samples.push(of(TIP, error.norm(), sight.covariance_m2.trace(), 0.0));
             }
-            let lacking = |(shaft, tension): (&Shaft, Option<Vector3<f64>>)| {
-                let tension_n = tension.unwrap_or_else(|| torque.rigid_n(shaft));
-                torque.delivered(&shaft.commanded) - torque.needed(shaft, &tension_n)
-            };
-            let errors: Vec<Vector3<f64>> = data.shafts.iter().zip(tensions).map(lacking).collect();
+            let lacking = |(shaft, tension): (&Shaft, &Option<Vector3<f64>>)| torque.lacking(shaft, tension.as_ref());
+            let errors: Vec<Vector3<f64>> = data.shafts.iter().zip(&tensions).map(lacking).collect();
             let apart = far_apart(data.shafts.iter().map(|shaft| shaft.time_s));
             let weights = self.torque_weights(recording);
             let noise = [0, 1, 2].map(|j| white_noise_of(&apart, |k| (weights[k][j] > 0.0).then(|| errors[k][j])));

@@ -6,7 +6,8 @@ use raven::effects::{Channel, Measure};
 use super::{Measured, Sample, Sampled};
 use crate::evidence::recorded::bench::Bench;
 use crate::evidence::recorded::noise::{far_apart, white_noise_of};
-use crate::evidence::recorded::rows::{ALL, Observed, Setting};
+use crate::evidence::recorded::rows::{ALL, Observed};
+use crate::evidence::recorded::settings::Setting;
 
 impl Sampled for Bench<'_> {
     fn measured(&self) -> Vec<Measured> {

@@ -8,7 +8,8 @@ mod tests;
 use raven::Result;
 use raven::effects::Channel;
 
-use crate::evidence::recorded::rows::{Observed, Setting};
+use crate::evidence::recorded::rows::Observed;
+use crate::evidence::recorded::settings::Setting;
 
 /// One quantity that was measured.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,7 +4,8 @@ use raven::effects::{Channel, Effect, Parameter, Sited};
 use raven::robot::Robot;
 
 use super::spread::Spread;
-use crate::evidence::recorded::rows::{Observed, Setting};
+use crate::evidence::recorded::rows::Observed;
+use crate::evidence::recorded::settings::Setting;
 
 /// One number of one effect at one place.
 #[derive(Debug, Clone, Copy)]
@@ -13,6 +14,8 @@ pub struct Coordinate {
     pub effect: usize,
     /// Which of its parameters.
     pub parameter: usize,
+    /// Of what the motion before a recording left, which recording; nothing of what is the same in all.
+    pub recording: Option<usize>,
     /// Deviation of the nominal value in `u`; `None` where the nominal model has no such thing.
     pub spike: Option<f64>,
 }
@@ -69,14 +72,20 @@ impl Coordinates {
         }
         // What shows at one joint is no news at another.
         not_observable.retain(|(effect, _)| sited.iter().all(|each| each.effect.id != effect.id));
-        let all = sited.iter().enumerate().flat_map(|(effect, s): (usize, &Sited)| {
+        let numbers = sited.iter().enumerate().flat_map(|(effect, s): (usize, &Sited)| {
             s.effect.parameters.iter().enumerate().map(move |(parameter, p)| Coordinate {
                 effect,
                 parameter,
+                recording: p.scale.is_state().then_some(0),
                 spike: p.tolerance_u(robot, s.place, s.measure).filter(|spike| *spike > 0.0),
             })
         });
-        let all = all.collect();
+        let mut all: Vec<Coordinate> = numbers.collect();
+        // An effect's parameters come first, one after the other.
+        let left: Vec<Coordinate> = all.iter().copied().filter(|coordinate| coordinate.recording.is_some()).collect();
+        let later =
+            (1..rows.recordings()).flat_map(|recording| left.iter().map(move |of| Coordinate { recording: Some(recording), ..*of }));
+        all.extend(later);
         Self { sited, not_observable, all, spread: Spread::default() }
     }
 
@@ -102,10 +111,11 @@ impl Coordinates {
     #[must_use]
     pub fn tolerance(&self, c: usize) -> Option<f64> {
         let coordinate = self.all[c];
-        coordinate.spike.map(|spike| spike / self.spread.part(self.sited[coordinate.effect].effect.id))
+        let part = if coordinate.is_unknown() { 1.0 } else { self.spread.part(self.sited[coordinate.effect].effect.id) };
+        coordinate.spike.map(|spike| spike / part)
     }
 
-    /// The coordinates of an effect.
+    /// The coordinates of an effect: those of its parameters in their order, and then those of what the motion before each later recording left.
     pub fn of(&self, effect: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.all.len()).filter(move |&c| self.all[c].effect == effect)
     }
@@ -144,17 +154,14 @@ impl Coordinates {
     /// begins, if by nothing else.
     #[must_use]
     pub fn settings(&self, u: &[f64]) -> Vec<Setting> {
-        let mut settings = Vec::new();
-        let mut at = 0;
-        for sited in &self.sited {
-            let count = sited.effect.parameters.len();
-            let own = &u[at..at + count];
-            if acts(sited.effect, own) || (at..at + count).any(|c| self.is_left(c) && u[c] != 0.0) {
-                settings.push((*sited, own.to_vec()));
-            }
-            at += count;
+        let mut own = vec![Vec::new(); self.sited.len()];
+        let mut begins = vec![false; self.sited.len()];
+        for (c, (coordinate, &u)) in self.all.iter().zip(u).enumerate() {
+            own[coordinate.effect].push(u);
+            begins[coordinate.effect] |= u != 0.0 && self.is_left(c);
         }
-        settings
+        let all = self.sited.iter().zip(own).zip(begins);
+        all.filter(|((sited, own), begins)| *begins || acts(sited.effect, own)).map(|((sited, own), _)| (*sited, own)).collect()
     }
 
     /// The numbers of what the motion before left of effects that the model has and that remember: where friction held a link is forgotten as soon as

@@ -4,5 +4,6 @@ pub mod bench;
 pub mod data;
 pub(crate) mod noise;
 pub mod rows;
+pub mod settings;
 mod tensions;
 pub mod torques;

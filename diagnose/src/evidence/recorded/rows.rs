@@ -9,6 +9,7 @@ use raven::effects::{Channel, Measure, Model, Need, Scale, Shaft, Sited, TipMode
 use raven::robot::{Arm, LinkModel, Robot};
 
 use super::data::{Data, miscounts};
+use super::settings::{Setting, of_recording};
 use super::tensions::Remembered;
 use super::torques::{Loose, commanded_per_delivered, dry_friction, torque_weights, with_clipping};
 
@@ -68,6 +69,9 @@ pub trait Observed: Sync {
     /// The nominal robot.
     fn robot(&self) -> &Robot;
 
+    /// How many there are: each begins as the motion before it left the robot.
+    fn recordings(&self) -> usize;
+
     /// Rows of tips (on a bench: of joint encoders), three per sight, before those of torques.
     fn tip_rows(&self) -> usize;
 
@@ -108,9 +112,6 @@ pub trait Observed: Sync {
 /// Both channels.
 pub const ALL: [Channel; 2] = [Channel::Tip, Channel::Torque];
 
-/// An effect in the model, at `u` of its parameters.
-pub type Setting = (Sited, Vec<f64>);
-
 impl<'a> Rows<'a> {
     /// Of recordings.
     ///
@@ -141,7 +142,7 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// If the robot is no arm.
     pub fn reweighted(&self, settings: &[Setting]) -> Result<Option<Self>> {
-        let arm = self.model(settings)?.robot.arm()?;
+        let arm = self.model(settings, 0)?.robot.arm()?;
         let shafts = || self.data.iter().flat_map(|data| &data.shafts);
         let friction = |of: &Arm| shafts().map(|shaft| dry_friction(of, shaft)).sum::<Vector3<f64>>();
         let (found, assumed) = (friction(&arm), friction(&self.rubbing));
@@ -185,18 +186,22 @@ impl<'a> Rows<'a> {
         &self.torque_weight[recording]
     }
 
-    /// The nominal model with effects built in.
+    /// The nominal model with effects built in, as a recording begins.
     ///
     /// # Errors
     /// If the robot is no arm.
-    pub fn model(&self, settings: &[Setting]) -> Result<Model> {
-        Model::with_effects(self.robot, self.cameras, settings)
+    pub fn model(&self, settings: &[Setting], recording: usize) -> Result<Model> {
+        Model::with_effects(self.robot, self.cameras, &of_recording(settings, recording))
     }
 }
 
 impl Observed for Rows<'_> {
     fn robot(&self) -> &Robot {
         self.robot
+    }
+
+    fn recordings(&self) -> usize {
+        self.data.len()
     }
 
     fn tip_rows(&self) -> usize {
@@ -228,22 +233,22 @@ impl Observed for Rows<'_> {
     }
 
     fn residuals(&self, settings: &[Setting], links: Links, channels: &[Channel]) -> Result<Vec<f64>> {
-        let model = self.model(settings)?;
-        let torque = TorqueModel::new(&model)?;
+        let models = (0..self.data.len()).map(|recording| self.model(settings, recording)).collect::<Result<Vec<_>>>()?;
+        let torques = models.iter().map(TorqueModel::new).collect::<Result<Vec<_>>>()?;
         let lost = || Ok(vec![f64::INFINITY; self.tip_rows() + self.torque_rows()]);
         let mut rows = Vec::with_capacity(self.tip_rows() + self.torque_rows());
         let tensions = if channels == [Channel::Torque] {
-            let take = || Ok(self.followed(&model, &torque, links, channels)?.map(|(_, tensions)| tensions));
+            let take = || Ok(self.followed(&models, &torques, links, channels)?.map(|(_, tensions)| tensions));
             let Some(tensions) = self.tensions.or_take(settings, links, take)? else { return lost() };
             tensions
         } else {
-            let Some((seen, tensions)) = self.followed(&model, &torque, links, channels)? else { return lost() };
+            let Some((seen, tensions)) = self.followed(&models, &torques, links, channels)? else { return lost() };
             rows.extend(self.of_tips(&seen, links));
             Arc::new(tensions)
         };
         rows.resize(self.tip_rows(), 0.0);
         if channels.contains(&Channel::Torque) {
-            rows.extend(self.of_torques(&torque, &tensions));
+            rows.extend(self.of_torques(&torques, &tensions));
         }
         rows.resize(self.tip_rows() + self.torque_rows(), 0.0);
         Ok(rows)
@@ -255,14 +260,14 @@ impl Rows<'_> {
     /// too short a step to be followed.
     fn followed(
         &self,
-        model: &Model,
-        torque: &TorqueModel,
+        models: &[Model],
+        torques: &[TorqueModel],
         links: Links,
         channels: &[Channel],
     ) -> Result<Option<(Vec<WhereKnown>, Vec<WhereKnown>)>> {
         let [with_tip, with_torque] = ALL.map(|channel| channels.contains(&channel));
         let (mut tips, mut tensions) = (Vec::with_capacity(self.data.len()), Vec::with_capacity(self.data.len()));
-        for data in self.data {
+        for ((data, model), torque) in self.data.iter().zip(models).zip(torques) {
             let sights = if with_tip { data.sights.as_slice() } else { &[] };
             let shafts = if with_torque { data.shafts.as_slice() } else { &[] };
             let motors = if links == Links::RolledOut { &data.motors } else { &data.motors_at_rest };
@@ -297,9 +302,9 @@ impl Rows<'_> {
     }
 
     /// Whitened torques delivered less those needed while the cables pull.
-    fn of_torques(&self, torque: &TorqueModel, tensions: &[WhereKnown]) -> Vec<f64> {
+    fn of_torques(&self, torques: &[TorqueModel], tensions: &[WhereKnown]) -> Vec<f64> {
         let mut rows = Vec::with_capacity(self.torque_rows());
-        for ((data, weights), tensions) in self.data.iter().zip(&self.torque_weight).zip(tensions) {
+        for (((data, torque), weights), tensions) in self.data.iter().zip(torques).zip(&self.torque_weight).zip(tensions) {
             let shafts = &data.shafts;
             let delivered: Vec<Vector3<f64>> = shafts.iter().map(|shaft| torque.delivered(&shaft.commanded)).collect();
             let per_delivered =

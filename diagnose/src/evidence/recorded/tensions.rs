@@ -7,7 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use raven::Result;
 use raven::effects::{Stage, WhereKnown};
 
-use super::rows::{Links, Setting};
+use super::rows::Links;
+use super::settings::Setting;
 
 /// How many are remembered: hypotheses are fitted side by side, and each is held against others.
 const REMEMBERED: usize = 8;

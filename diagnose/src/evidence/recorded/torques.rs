@@ -75,9 +75,9 @@ pub(super) fn dry_friction(arm: &Arm, shaft: &Shaft) -> Vector3<f64> {
     arm.dry_friction().under(&arm.transmission.tension_n(&gravity))
 }
 
-/// Whether a motor moves one way beyond doubt throughout a window.
-pub(crate) fn surely_moving(shaft: &Shaft, j: usize) -> bool {
-    shaft.rate[j].abs() > CREEP_RAD_S + 0.5 * WINDOW_S * shaft.acceleration[j].abs()
+/// Whether a motor moves one way beyond doubt throughout a window, where that is in doubt below a speed of `creep` [rad/s or m/s].
+pub(crate) fn surely_moving(shaft: &Shaft, j: usize, creep: f64) -> bool {
+    shaft.rate[j].abs() > creep + 0.5 * WINDOW_S * shaft.acceleration[j].abs()
 }
 
 /// Inverse deviations with which torque samples count: the model's error, its likeness over time as fewer samples, and beside it what is
@@ -93,7 +93,7 @@ pub(super) fn torque_weights(robot: &Robot, arm: &Arm, shafts: &[Shaft], loose: 
         let dry = dry_friction(arm, shaft);
         Vector3::from_fn(|j, _| {
             let is_loose = shaft.time_s >= loose.links_s.max(loose.joints_s[j]);
-            if !surely_moving(shaft, j) || !is_loose || model[j] == 0.0 {
+            if !surely_moving(shaft, j, CREEP_RAD_S) || !is_loose || model[j] == 0.0 {
                 return 0.0;
             }
             let friction = dry[j] / transmission.link_radius_m[j] * transmission.cable_per_motor_m[j] * robot.joints[j].gear_ratio;

@@ -160,7 +160,7 @@ impl Fitter<'_> {
             }
         }
         self.temper(outcome);
-        self.hold_against_less(outcome)
+        Ok(())
     }
 
     /// Whether as many effects as there may be leave something: each is one in five then, whichever of its rivals it is.

@@ -55,7 +55,7 @@ impl Fitter<'_> {
                 (effect, start)
             };
             let parameters = self.coordinates.sited[effect].effect.parameters;
-            let shapes = (0..own.len()).filter(|&k| own.len() > 1 && parameters[k].scale.is_shape());
+            let shapes = (0..parameters.len()).filter(|&k| parameters.len() > 1 && parameters[k].scale.is_shape());
             let starts: Vec<(usize, Vec<f64>)> = shapes.flat_map(|k| SHAPES.map(|by| moved(k, by))).collect();
             if starts.is_empty() || !self.leftover(&best).remains() {
                 continue;

@@ -8,7 +8,8 @@ use raven::robot::{Robot, nominal};
 
 use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::coordinates::Coordinates;
-use crate::evidence::recorded::rows::{Links, Observed, Setting};
+use crate::evidence::recorded::rows::{Links, Observed};
+use crate::evidence::recorded::settings::Setting;
 
 mod beside;
 mod lost;
@@ -106,6 +107,10 @@ impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Seen<R> {
 impl<R: Fn(&[Option<&[f64]>], Links) -> Vec<f64> + Sync> Observed for Seen<R> {
     fn robot(&self) -> &Robot {
         &self.robot
+    }
+
+    fn recordings(&self) -> usize {
+        1
     }
 
     fn tip_rows(&self) -> usize {

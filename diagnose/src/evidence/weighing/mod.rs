@@ -10,10 +10,9 @@ mod paired;
 
 use std::collections::BTreeMap;
 
-use raven::Result;
 use rayon::prelude::*;
 
-use crate::evidence::fit::{Fitter, Hypothesis, side_by_side};
+use crate::evidence::fit::{Fitter, Hypothesis};
 use crate::evidence::numbers::prior;
 use crate::evidence::outcome::Outcome;
 use crate::evidence::search::tied::TIED_NATS;
@@ -104,21 +103,6 @@ impl Fitter<'_> {
         outcome.screened.retain(|effects, _| !gone.keys().any(|gone| gone.iter().all(|effect| effects.contains(effect))));
         outcome.spurious = gone;
         outcome.choose();
-    }
-
-    /// Fits what was found most probable without each of its effects, where that has not been done: what one is worth is what it is beyond that.
-    ///
-    /// # Errors
-    /// If the model cannot be evaluated.
-    pub(super) fn hold_against_less(&self, outcome: &mut Outcome) -> Result<()> {
-        let best = outcome.best.clone();
-        let is_known = |effects: &Vec<usize>| outcome.fitted.contains_key(effects) || outcome.spurious.contains_key(effects);
-        let unknown: Vec<usize> = best.effects.iter().copied().filter(|&effect| !is_known(&best.all_but(effect))).collect();
-        for less in side_by_side(&unknown, |&left_out| self.rest(outcome, &best, &[left_out]))? {
-            let evidence = self.tempered(&less, &outcome.leftover);
-            outcome.spurious.insert(less.effects, evidence);
-        }
-        Ok(())
     }
 
     fn has_immaterial(&self, outcome: &Outcome, hypothesis: &Hypothesis) -> bool {

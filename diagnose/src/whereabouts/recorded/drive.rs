@@ -117,7 +117,7 @@ pub(super) fn last_noise(torques: &[Channel]) -> Vec<f64> {
 /// Torque or force and motion of a bench's drives, where torque was recorded.
 pub(super) fn bench_drives(robot: &Robot, recordings: &[Recording], torques: &mut [Channel], motions: &mut [Channel]) -> Result<()> {
     let (bench, transmission) = (Bench::new(robot, recordings)?, robot.bench_transmission()?);
-    let model = bench.model(&[])?;
+    let model = bench.model(&[], 0)?;
     let model = BenchModel::new(&model, bench.creep())?;
     let factors = |j: usize, shafts: &[Shaft]| match robot.joints.get(j) {
         Some(joint) => {

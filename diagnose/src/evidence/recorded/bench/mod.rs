@@ -12,8 +12,9 @@ use raven::robot::{Joint, JointType, Robot};
 use raven::{Error, Result};
 
 use super::data::{STRIDE_S, WINDOW_S};
-use super::rows::{Links, Observed, Setting, unlike_several};
-use super::torques::{CREEP_RAD_S, SLOW, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, with_clipping};
+use super::rows::{Links, Observed, unlike_several};
+use super::settings::{Setting, of_recording};
+use super::torques::{CREEP_RAD_S, SLOW, TORQUE_ALIKE_S, TORQUE_MODEL, commanded_per_delivered, surely_moving, with_clipping};
 use crate::evidence::weighing::clustered::BLOCK_S;
 pub use recorded::Recorded;
 pub(crate) use recorded::encoder_noise;
@@ -133,12 +134,12 @@ impl<'a> Bench<'a> {
         lacks.then_some(because)
     }
 
-    /// The nominal model with effects built in.
+    /// The nominal model with effects built in, as a recording begins.
     ///
     /// # Errors
     /// If the robot is no bench.
-    pub fn model(&self, settings: &[Setting]) -> Result<Model> {
-        Model::with_effects(self.robot, None, settings)
+    pub fn model(&self, settings: &[Setting], recording: usize) -> Result<Model> {
+        Model::with_effects(self.robot, None, &of_recording(settings, recording))
     }
 
     /// Measured less predicted joints [rad or m] and torques [N m or N] of every recording, sample by sample; and what turns the torques'
@@ -147,34 +148,39 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// If the robot is no bench.
     pub fn errors(&self, settings: &[Setting], channels: &[Channel]) -> Result<Vec<Errors>> {
-        let model = self.model(settings)?;
-        let bench = BenchModel::new(&model, self.creep)?;
+        let recordings = self.recordings.iter().zip(&self.weights).enumerate();
+        recordings.map(|(k, (recorded, weights))| self.errors_of(recorded, weights, &self.model(settings, k)?, channels)).collect()
+    }
+
+    fn errors_of(&self, recorded: &Recorded, weights: &[[Vector3<f64>; 2]], model: &Model, channels: &[Channel]) -> Result<Errors> {
+        let bench = BenchModel::new(model, self.creep)?;
         let [with_joints, with_torque] = [Channel::Tip, Channel::Torque].map(|channel| channels.contains(&channel));
-        let of = |(recorded, weights): (&Recorded, &Vec<[Vector3<f64>; 2]>)| {
-            let times_s: Vec<f64> = recorded.driven.iter().map(|driven| driven.shaft.time_s).collect();
-            let shown = if with_joints {
-                let pull = |driven: &Driven| if recorded.has[0] { bench.passed_on_n(driven) } else { bench.pulled_n(driven) };
-                let tension = Tension { time_s: times_s.clone(), value: recorded.driven.iter().map(pull).collect() };
-                bench.shown(&recorded.motors, &tension, &times_s)
-            } else {
-                vec![None; times_s.len()]
-            };
-            let errors = recorded.driven.iter().zip(&recorded.joints).zip(shown).map(|((driven, joint), shown)| {
-                let position = shown.map_or_else(Vector3::zeros, |shown| joint - shown);
-                let torque = if with_torque { bench.delivered(driven) - bench.needed(driven) } else { Vector3::zeros() };
-                [position, torque, bench.clipped(driven)]
-            });
-            let samples = recorded.driven.iter().map(|driven| (driven.shaft.commanded.mean(), bench.delivered(driven)));
-            let weights: Vec<Vector3<f64>> = weights.iter().map(|[_, torque]| *torque).collect();
-            (errors.collect(), commanded_per_delivered(samples, &weights))
+        let times_s: Vec<f64> = recorded.driven.iter().map(|driven| driven.shaft.time_s).collect();
+        let shown = if with_joints {
+            let pull = |driven: &Driven| if recorded.has[0] { bench.passed_on_n(driven) } else { bench.pulled_n(driven) };
+            let tension = Tension { time_s: times_s.clone(), value: recorded.driven.iter().map(pull).collect() };
+            bench.shown(&recorded.motors, &tension, &times_s)
+        } else {
+            vec![None; times_s.len()]
         };
-        Ok(self.recordings.iter().zip(&self.weights).map(of).collect())
+        let errors = recorded.driven.iter().zip(&recorded.joints).zip(shown).map(|((driven, joint), shown)| {
+            let position = shown.map_or_else(Vector3::zeros, |shown| joint - shown);
+            let torque = if with_torque { bench.delivered(driven) - bench.needed(driven) } else { Vector3::zeros() };
+            [position, torque, bench.clipped(driven)]
+        });
+        let samples = recorded.driven.iter().map(|driven| (driven.shaft.commanded.mean(), bench.delivered(driven)));
+        let weights: Vec<Vector3<f64>> = weights.iter().map(|[_, torque]| *torque).collect();
+        Ok((errors.collect(), commanded_per_delivered(samples, &weights)))
     }
 }
 
 impl Observed for Bench<'_> {
     fn robot(&self) -> &Robot {
         self.robot
+    }
+
+    fn recordings(&self) -> usize {
+        self.recordings.len()
     }
 
     fn tip_rows(&self) -> usize {
@@ -199,7 +205,8 @@ impl Observed for Bench<'_> {
             (Scope::LinkAngle, _) => Some("a bench has no links"),
             (Scope::Robot, _) => Some("a bench has no tool"),
             (Scope::Rig, Stage::Camera) => Some("a bench has no cameras"),
-            (Scope::Rig | Scope::Pair | Scope::Joint, _) => None,
+            (Scope::Pair, _) => Some("a bench's cables run over no other joint's pulleys"),
+            (Scope::Rig | Scope::Joint, _) => None,
         };
         let lacks = || needs.iter().find_map(|need| self.lacks(*need, sited.place.first));
         let is_unseen = *scope == Scope::Joint && !self.has_joints() && !channels.contains(&Channel::Torque);
@@ -231,7 +238,7 @@ fn weights(robot: &Robot, recorded: &Recorded, model: &Vector3<f64>, creep: &Vec
     let inverse = |v: f64| if v > 0.0 { 1.0 / v } else { 0.0 };
     let of_joint = |j: usize| robot.joints.get(j).and_then(|joint| joint.link_friction).map_or(0.0, |friction| friction.coulomb);
     let weight = |driven: &Driven| {
-        let surely_moving = |j: usize| driven.shaft.rate[j].abs() > creep[j] + 0.5 * WINDOW_S * driven.shaft.acceleration[j].abs();
+        let surely_moving = |j: usize| surely_moving(&driven.shaft, j, creep[j]);
         let position = |j: usize, _| {
             let joint = robot.joints.get(j);
             let in_doubt = if recorded.has[0] { joint.is_some_and(|joint| joint.motor.is_some()) } else { of_joint(j) > 0.0 };
