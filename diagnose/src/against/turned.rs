@@ -10,7 +10,7 @@
 
 use raven::Result;
 use raven::camera::Cameras;
-use raven::log::{Recording, TipObservation};
+use raven::log::{Recording, TipObservation, TipStatus};
 use raven::robot::Robot;
 
 use super::{corrected, deviation};
@@ -34,10 +34,14 @@ pub fn turned_about(
 ) -> Result<Vec<Recording>> {
     let of = |((real, simulated), shift_s): ((&Recording, &Recording), f64)| {
         let mut simulated = deviation::with_tips(robot, simulated)?;
-        simulated.tip = as_often(&simulated.tip, &real.tip, shift_s);
+        simulated.tip = as_often(&seen(&simulated), &seen(real), shift_s);
         Ok(corrected(robot, cameras, &simulated, real)?.0)
     };
     recordings.iter().zip(simulated).zip(shifts_s).map(of).collect()
+}
+
+fn seen(recording: &Recording) -> Vec<TipObservation> {
+    recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen).cloned().collect()
 }
 
 /// Of tips whose stamps lack `shift_s` to those of others [s] the next to each of these.

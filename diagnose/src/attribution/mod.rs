@@ -149,8 +149,8 @@ pub fn when_told(nominal: &Nominal, recordings: &[Recording], effects: &[(&str, 
     fitted(&reweighted)?.map(|again| closed(&reweighted, again)).transpose()
 }
 
-/// Evidence, with their priors, of two searches that each had their own readings of an arm on the same path [nat]. Samples count the same for both: those
-/// near rest as the one with more friction has them.
+/// Evidence, with their priors, of two searches that each had their own readings of an arm on the same path [nat], but for half a nat that noise alone
+/// takes per reading: one may have more of them. Samples count the same for both: those near rest as the one with more friction has them.
 ///
 /// # Errors
 /// As [`attribute`].
@@ -163,7 +163,8 @@ pub fn evidence_of_both(nominal: &Nominal, both: [(&[Recording], &Point); 2]) ->
             rows = rows.reweighted(&point.settings)?.unwrap_or(rows);
         }
         let left = rows.residuals(&own.settings, Links::RolledOut, &ALL)?;
-        Ok(own.beside_misfit_nats - 0.5 * dot(&left, &left))
+        let readings = left.iter().filter(|row| **row != 0.0).count() as f64;
+        Ok(own.beside_misfit_nats - 0.5 * (dot(&left, &left) - readings))
     };
     let [one, other] = both;
     Ok([evidence(one)?, evidence(other)?])
