@@ -1,7 +1,7 @@
 //! What a diagnosis says, as scripts read it: `raven-diagnosis/1`.
 
 use raven::cli;
-use raven::robot::Robot;
+use raven::robot::{KinematicsKind, Robot};
 use raven::{Error, Result};
 use serde::Serialize;
 
@@ -41,6 +41,9 @@ pub struct Report {
     /// Whether an arm's recordings have images, which may show the tip.
     #[serde(skip)]
     pub(crate) has_images: bool,
+    /// Whether the robot is a bench, whose table has no model beyond transmission kinematics.
+    #[serde(skip)]
+    pub(crate) is_bench: bool,
 }
 
 /// The robot file that the recordings were held against.
@@ -131,6 +134,7 @@ impl Report {
             warnings: Vec::new(),
             unreachable: recordings.iter().map(|r| r.unreachable).sum(),
             has_images: false,
+            is_bench: matches!(robot.kinematics, KinematicsKind::Bench),
         };
         for (j, joint) in robot.joints.iter().enumerate() {
             let (unit, scale) = joint.display_unit();

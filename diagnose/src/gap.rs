@@ -19,7 +19,7 @@ pub struct Gap {
     /// RMS of the measurement against transmission kinematics, noise included, before anything is fitted.
     pub transmission: f64,
     /// The same against the robot model, its cables and links rolled out over the recorded motor angles. It begins as the motion before left effects
-    /// that the file has.
+    /// that the file has. Of a bench, whose cables stretch by its torque, transmission kinematics once more.
     pub model: f64,
     /// Observations behind it.
     pub observations: usize,

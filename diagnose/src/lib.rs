@@ -22,7 +22,7 @@ use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
 use raven::log::{Recording, TipStatus};
-use raven::robot::{KinematicsKind, PAUSE_MAX_S, Robot};
+use raven::robot::{PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
 
 use crate::against::{Against, Simulation};
@@ -118,7 +118,7 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     report.recordings = names(&args.logs);
     report.recordings_sha256 = args.logs.iter().map(|path| files::sha256(path)).collect::<Result<_>>()?;
     report.beside = names(&args.beside);
-    let is_bench = matches!(robot.kinematics, KinematicsKind::Bench);
+    let is_bench = report.is_bench;
     report.has_images = !is_bench && recordings.iter().any(|recording| recording.frame_interval_s.is_some());
     report.lost = recordings.iter().flat_map(lost).collect();
     report.warnings = doubts(&robot, cameras.as_ref().zip(args.cameras.as_deref()), recordings.iter().chain(&beside))?;
@@ -226,8 +226,12 @@ fn lost(recording: &Recording) -> impl Iterator<Item = String> {
     });
     let seen = recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen);
     let without_covariance = seen.filter(|tip| tip.covariance_m2.cholesky().is_none()).count();
-    let of_tips = (without_covariance > 0)
-        .then(|| format!("{}: {without_covariance} sightings whose covariance is none were left out.", recording.name()));
+    let of_tips = (without_covariance > 0).then(|| {
+        let name = recording.name();
+        format!(
+            "{name}: {without_covariance} sightings whose covariance is none say nothing of causes, and count for the gap as free of noise."
+        )
+    });
     recording.unusable().into_iter().chain(in_pauses).chain(of_tips)
 }
 

@@ -17,16 +17,15 @@ impl fmt::Display for Report {
                  the gap at the joints cannot be seen.{untracked}"
             )?;
         } else {
-            writeln!(out, "Gap (rms): the recordings against transmission kinematics, and against the model with its cables and links")?;
-            writeln!(
-                out,
-                "{:<10} {:>4} {:>13} {:>8} {:>12} {:>13}",
-                "channel", "unit", "transmission", "model", "noise floor", "observations"
-            )?;
+            let and_model = if self.is_bench { "" } else { ", and against the model with its cables and links" };
+            writeln!(out, "Gap (rms): the recordings against transmission kinematics{and_model}")?;
+            let model = if self.is_bench { String::new() } else { format!(" {:>8}", "model") };
+            writeln!(out, "{:<10} {:>4} {:>13}{model} {:>12} {:>13}", "channel", "unit", "transmission", "noise floor", "observations")?;
         }
         for gap in &self.model_gap {
             let Gap { channel, unit, transmission, model, noise_floor, observations } = gap;
-            writeln!(out, "{channel:<10} {unit:>4} {transmission:>13.2} {model:>8.2} {noise_floor:>12.2} {observations:>13}")?;
+            let model = if self.is_bench { String::new() } else { format!(" {model:>8.2}") };
+            writeln!(out, "{channel:<10} {unit:>4} {transmission:>13.2}{model} {noise_floor:>12.2} {observations:>13}")?;
         }
         if let Some(against) = &self.against {
             write!(out, "\n{}", against.words())?;

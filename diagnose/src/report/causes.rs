@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use raven::effects::{Effect, Home, at_place};
+use raven::effects::{Effect, Home, Sited, at_place};
 use raven::robot::Robot;
 
 use super::{Candidate, Detectable, GapBar, Page, remaining};
@@ -97,6 +97,14 @@ fn put_in(effects: &[Blamed], robot: &Robot, files: Files) -> Vec<String> {
         format!("{} belongs to the cameras: calibrate them anew with `raven-calibrate cameras`, then register them.", name(effect))
     });
     let mut steps: Vec<String> = calibrated.collect();
+    let is_listed = |effect: &&Blamed| {
+        let (id, joint) = (effect.id, effect.joint.as_deref());
+        Sited::all(robot).iter().any(|sited| sited.effect.id == id && sited.joint(robot).as_deref() == joint && sited.is_listed(robot))
+    };
+    let (listed, robots): (Vec<&Blamed>, Vec<&Blamed>) = robots.into_iter().partition(is_listed);
+    steps.extend(listed.iter().map(|effect| {
+        format!("The robot file lists {} already, and what is named is beside that: change its values in the list.", name(effect))
+    }));
     if !robots.is_empty() {
         let names: Vec<String> = robots.iter().map(name).collect();
         let (report, told) =
@@ -143,7 +151,7 @@ fn bar(gap: &crate::attribution::Closure) -> GapBar {
 
 #[cfg(test)]
 mod tests {
-    use raven::robot::nominal;
+    use raven::robot::{ListedEffect, nominal};
 
     use super::*;
 
@@ -169,5 +177,12 @@ mod tests {
             "{unwritten:?}"
         );
         assert_eq!(quoted("it's"), "'it'\\''s'");
+        // What the file has is not added to it.
+        let mut with_creep = nominal::gold();
+        let values = [("ratio".to_owned(), 2.0), ("time".to_owned(), 20.0)].into();
+        with_creep.effects.push(ListedEffect { id: "creep".to_owned(), joint: Some("elbow".to_owned()), values });
+        let steps = put_in(&named[1..], &with_creep, files);
+        let [listed, command] = steps.as_slice() else { panic!("{steps:?}") };
+        assert!(listed.contains("lists creep at the elbow already") && !command.contains("creep"), "{steps:?}");
     }
 }
