@@ -8,7 +8,8 @@
 //! 2 (F(z) - F(z_within)) <= chi^2_m(0.99),   P = P_within + (z - z_within) (z - z_within)'
 //! ```
 //!
-//! with the most probable `z` of the file as it is, that within its `m` tolerances, and `F` what the second minimises.
+//! with the most probable `z` of the file as it is, that within its `m` tolerances, and `F` what the second minimises. Numbers of which both leave too much
+//! unknown stay as they were, and the first fit is made anew without them.
 
 use nalgebra::DVector;
 use raven::stats::chi_square_quantile;
@@ -40,29 +41,39 @@ pub struct Fit<'a> {
 /// If the model cannot be evaluated or the estimation within the tolerances does not settle.
 pub fn fit(problem: Problem<'_>, sharing: Option<Sharing>) -> Result<Fit<'_>> {
     let mut within = problem.clone().with_tolerances()?;
-    let mut filed = problem;
-    let of_file = match estimate(&mut filed, sharing) {
-        // What is off by much is fitted by nothing before that is free.
-        Err(Error::Unsettled { .. }) => None,
-        of_file => Some(of_file?),
-    };
-    let (found, trace) = estimate(&mut within, sharing)?;
-    if let Some((of_file, trace)) = of_file {
+    let (found, trace) = estimate(&mut within, sharing, &[])?;
+    let mut held: Vec<usize> = Vec::new();
+    loop {
+        let mut filed = problem.clone();
+        let (of_file, trace_of_file) = match estimate(&mut filed, sharing, &held) {
+            // What is off by much is fitted by nothing before that is free.
+            Err(Error::Unsettled { .. }) => break,
+            of_file => of_file?,
+        };
         let mut z = DVector::zeros(found.z.len());
         z.rows_mut(0, of_file.z.len()).copy_from(&of_file.z);
-        if is_possible(&within, &found, &z)? {
-            let problem = filed.with_tolerances_of(&within, &z)?;
-            return Ok(Fit { problem, estimate: claimed(of_file, &found, z), trace, as_filed: true });
+        if !is_possible(&within, &found, &z)? {
+            break;
+        }
+        let may_hold = filed.may_hold();
+        let estimate = claimed(of_file, &found, z);
+        let has_moved = |k: &usize| may_hold[*k] && !estimate.identified[*k] && estimate.z[*k] != 0.0;
+        match (0..may_hold.len()).filter(has_moved).max_by(|&a, &b| estimate.std[a].total_cmp(&estimate.std[b])) {
+            Some(worst) => held.push(worst),
+            None => {
+                let problem = filed.with_tolerances_of(&within, &estimate.z)?;
+                return Ok(Fit { problem, estimate, trace: trace_of_file, as_filed: true });
+            }
         }
     }
     Ok(Fit { problem: within, estimate: found, trace, as_filed: false })
 }
 
-fn estimate(problem: &mut Problem, sharing: Option<Sharing>) -> Result<(Estimate, Option<Trace>)> {
+fn estimate(problem: &mut Problem, sharing: Option<Sharing>, held: &[usize]) -> Result<(Estimate, Option<Trace>)> {
     Ok(match sharing {
-        None => (problem.estimate()?, None),
+        None => (problem.estimate_with(held)?, None),
         Some(sharing) => {
-            let (estimate, trace) = recursive::estimate(problem, sharing)?;
+            let (estimate, trace) = recursive::estimate(problem, sharing, held)?;
             (estimate, Some(trace))
         }
     })

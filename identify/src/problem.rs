@@ -168,7 +168,15 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the estimation does not settle.
     pub fn estimate(&mut self) -> Result<Estimate> {
-        self.estimate_holding(&self.may_hold())
+        self.estimate_with(&[])
+    }
+
+    /// The same with some unknowns at their prior whatever the logs say.
+    ///
+    /// # Errors
+    /// If the estimation does not settle.
+    pub(crate) fn estimate_with(&mut self, held: &[usize]) -> Result<Estimate> {
+        self.estimate_holding(&self.may_hold(), held)
     }
 
     /// The same with all unknowns at what is most probable, whether or not the logs determine them.
@@ -176,13 +184,13 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the estimation does not settle.
     pub fn estimate_all(&mut self) -> Result<Estimate> {
-        self.estimate_holding(&vec![false; Residuals::unknowns(self)])
+        self.estimate_holding(&vec![false; Residuals::unknowns(self)], &[])
     }
 
-    fn estimate_holding(&mut self, may_hold: &[bool]) -> Result<Estimate> {
+    fn estimate_holding(&mut self, may_hold: &[bool], held: &[usize]) -> Result<Estimate> {
         let mut z = self.fitted()?;
         self.turn_over_held(&mut z)?;
-        batch::estimate(self, may_hold, &z)
+        batch::estimate(self, may_hold, held, &z)
     }
 
     /// Which unknowns [may be held](crate::parameters::Quantity::may_hold); no flaw may.

@@ -88,17 +88,19 @@ pub fn most_probable(problem: &impl Residuals, start: &DVector<f64>) -> Result<D
     minimize(problem, &all, 1.0, start).map(|minimum| minimum.z)
 }
 
-/// Estimates, from `start`; unknowns of which `may_hold` is false are kept free even if they are not identified.
+/// Estimates, from `start`; unknowns of which `may_hold` is false are kept free even if they are not identified, and those that are `held` stay at their
+/// prior whatever the log says.
 ///
 /// # Errors
 /// If the model cannot be evaluated or the estimation does not settle.
-pub fn estimate(problem: &impl Residuals, may_hold: &[bool], start: &DVector<f64>) -> Result<Estimate> {
+pub fn estimate(problem: &impl Residuals, may_hold: &[bool], held: &[usize], start: &DVector<f64>) -> Result<Estimate> {
     let n = problem.unknowns();
     let block = problem.blocks();
     let mut std = vec![1.0; n];
-    let mut free: Vec<usize> = (0..n).collect();
-    let mut held = Vec::new();
+    let mut held = held.to_vec();
+    let mut free: Vec<usize> = (0..n).filter(|k| !held.contains(k)).collect();
     let mut z = start.clone();
+    held.iter().for_each(|&k| z[k] = 0.0);
     let mut tempering = 1.0;
     loop {
         let (minimum, curvature) = tempered(problem, &free, &block, &mut tempering, &z)?;

@@ -53,7 +53,7 @@ fn coverage(samples: u64, blocks: usize, may_hold: &[bool], noise: impl Fn(&mut 
         let truth: Vec<f64> = (0..n).map(|_| StandardNormal.sample(&mut random)).collect();
         let mut line = Line::exact(&truth, blocks * PER_BLOCK);
         noise(&mut random, &mut line.observed);
-        let estimate = estimate(&line, may_hold, &DVector::zeros(n)).unwrap();
+        let estimate = estimate(&line, may_hold, &[], &DVector::zeros(n)).unwrap();
         for k in 0..n {
             let off = (estimate.z[k] - truth[k]).abs() / estimate.std[k];
             inside[k][0] += f64::from(u8::from(off < 1.0)) / samples as f64;
@@ -116,10 +116,10 @@ fn what_the_data_do_not_determine_goes_back_to_its_prior() {
         let mut line = Line::exact(&[1.0, -1.0, 2.0], blocks * PER_BLOCK);
         white(&mut random, &mut line.observed);
         line.slopes.iter_mut().for_each(|m| m.column_mut(2).scale_mut(1e-3));
-        let held = estimate(&line, &[true; 3], &DVector::zeros(3)).unwrap();
+        let held = estimate(&line, &[true; 3], &[], &DVector::zeros(3)).unwrap();
         assert_eq!((held.z[2], held.identified.as_slice()), (0.0, [true, true, false].as_slice()));
         assert!(held.std[2] > IDENTIFIED_BELOW && held.std.iter().all(|std| std.is_finite()));
-        let kept = estimate(&line, &[true, true, false], &DVector::zeros(3)).unwrap();
+        let kept = estimate(&line, &[true, true, false], &[], &DVector::zeros(3)).unwrap();
         assert!(kept.z[2] != 0.0 && !kept.identified[2]);
     }
 }
@@ -133,7 +133,7 @@ fn a_held_unknown_still_counts_in_the_others_deviation() {
         slopes.set_column(1, &(first * 0.2));
     }
     white(&mut ChaCha8Rng::seed_from_u64(4), &mut line.observed);
-    let estimate = estimate(&line, &[true, true], &DVector::zeros(2)).unwrap();
+    let estimate = estimate(&line, &[true, true], &[], &DVector::zeros(2)).unwrap();
     assert_eq!(estimate.identified, [true, false]);
     assert!((estimate.std[0] - 0.2).abs() < 0.02, "0.2 of a held unit deviation, not {}", estimate.std[0]);
 }
@@ -148,7 +148,7 @@ fn what_is_seen_once_and_is_not_the_prior_is_not_put_back() {
         slopes.column_mut(2).fill(0.0);
     }
     white(&mut ChaCha8Rng::seed_from_u64(5), &mut line.observed);
-    let estimate = estimate(&line, &[true; 3], &DVector::zeros(3)).unwrap();
+    let estimate = estimate(&line, &[true; 3], &[], &DVector::zeros(3)).unwrap();
     assert!(!estimate.identified[2] && estimate.std[2] > IDENTIFIED_BELOW, "{:?}", estimate.std);
     assert!((estimate.z[2] - truth[2]).abs() < 1.0, "{}", estimate.z);
 }

@@ -75,8 +75,9 @@ impl Calibration {
                 let (reason, advice) = if is_typed {
                     ("has no deviation: it was typed by hand and not identified".to_owned(), "identify it from a recording")
                 } else {
-                    let left = format!("{} is left of a deviation of {} {}", entry.std, entry.prior_std, entry.unit);
-                    (format!("was not identified ({left})"), "identify from a log with more motion")
+                    let left =
+                        left(entry, robot).map_or_else(String::new, |left| format!(" ({:.0} % of its deviation is left)", 100.0 * left));
+                    (format!("was not identified{left}"), "identify from a log with more motion")
                 };
                 return refuse(format!(
                     "{name} {reason}, yet it is {value} and not the {} from before; put that back, or {advice}.",

@@ -154,7 +154,7 @@ mod tests {
 
     fn profile(saturating: bool) -> Interval {
         let curve = Curve { saturating };
-        let estimate = estimate(&curve, &[false; 2], &DVector::zeros(2)).unwrap();
+        let estimate = estimate(&curve, &[false; 2], &[], &DVector::zeros(2)).unwrap();
         let jacobian = curve.jacobian(&estimate.z, &[0, 1]).unwrap();
         interval(&curve, &jacobian, &estimate, 0).unwrap()
     }

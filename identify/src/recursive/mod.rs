@@ -35,23 +35,23 @@ pub enum Sharing {
 /// Pause between sightings [s] after which the links start anew where the cables hold them: long after they forgot where they were.
 const FORGOTTEN_S: f64 = 1.0;
 
-/// Estimates recursively; also what was believed after every sighting.
+/// Estimates recursively, with those that are `held` at their prior at last whatever the logs say; also what was believed after every sighting.
 ///
 /// # Errors
 /// If the model cannot be evaluated at the outcome.
-pub fn estimate(problem: &mut Problem, sharing: Sharing) -> Result<(Estimate, Trace)> {
+pub fn estimate(problem: &mut Problem, sharing: Sharing, held: &[usize]) -> Result<(Estimate, Trace)> {
     let mut run = pass(problem, sharing)?;
     if problem.is_beside() {
         // Flaws are those about the first pass's outcome.
         problem.look_from(&run.posterior.z)?;
         run = Run { trace: run.trace, ..pass(problem, sharing)? };
     }
-    let posterior = run.posterior.held_at_priors(&problem.may_hold());
     let tempering = run.scatter.tempering();
+    let posterior = run.posterior.held_at_priors(&problem.may_hold(), held, tempering);
     problem.adopt(run.scatter.misfit(), &posterior.z)?;
     let residuals = problem.residuals(&posterior.z)?;
-    let std = posterior.std(tempering);
-    let (identified, covariance) = (posterior.identified(&std), posterior.covariance(tempering));
+    let std = posterior.std();
+    let (identified, covariance) = (posterior.identified(&std), posterior.covariance());
     let estimate = Estimate { z: posterior.z, std, covariance, identified, residuals, scale: 1.0, tempering };
     Ok((estimate, run.trace.widened(tempering)))
 }
