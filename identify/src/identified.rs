@@ -71,6 +71,12 @@ pub fn remarked(method: &str, remark: Option<String>) -> String {
     remark.map_or_else(|| method.to_owned(), |remark| format!("{method}{REMARK}{remark}"))
 }
 
+/// A `method` of the robot file without what it says of the result.
+#[must_use]
+pub fn unremarked(method: &str) -> &str {
+    method.split_once(REMARK).map_or(method, |(method, _)| method)
+}
+
 /// What a `method` of the robot file says of the result.
 #[must_use]
 pub fn remark(method: &str) -> Option<&str> {

@@ -133,6 +133,12 @@ impl Quantity {
         !self.is_registration() && !matches!(self, Self::StraightPart(_))
     }
 
+    /// Whether the robot's controller has it: radii, hard stops and couplings.
+    #[must_use]
+    pub fn is_of_controller(self) -> bool {
+        matches!(self, Self::PulleyRadius(_) | Self::HardStop(_) | Self::Coupling(..))
+    }
+
     /// Where it stands in the robot file.
     #[must_use]
     pub fn key(self, robot: &Robot) -> String {

@@ -8,8 +8,9 @@
 //! 2 (F(z) - F(z_within)) <= chi^2_m(0.99),   P = P_within + (z - z_within) (z - z_within)'
 //! ```
 //!
-//! with the most probable `z` of the file as it is, that within its `m` tolerances, and `F` what the second minimises. Numbers of which both leave too much
-//! unknown stay as they were, and the first fit is made anew without them.
+//! with the most probable `z` of the file as it is, that within its `m` tolerances, and `F` what the second minimises. Of numbers that the robot's controller has,
+//! those of which both leave too much unknown stay as they were, and the first fit is made anew without them; the others stay as fitted, for what
+//! follows the links is best with all of a fit.
 
 use nalgebra::DVector;
 use raven::stats::chi_square_quantile;
@@ -42,6 +43,7 @@ pub struct Fit<'a> {
 pub fn fit(problem: Problem<'_>, sharing: Option<Sharing>) -> Result<Fit<'_>> {
     let mut within = problem.clone().with_tolerances()?;
     let (found, trace) = estimate(&mut within, sharing, &[])?;
+    let unknowns = problem.unknowns();
     let mut held: Vec<usize> = Vec::new();
     loop {
         let mut filed = problem.clone();
@@ -55,10 +57,10 @@ pub fn fit(problem: Problem<'_>, sharing: Option<Sharing>) -> Result<Fit<'_>> {
         if !is_possible(&within, &found, &z)? {
             break;
         }
-        let may_hold = filed.may_hold();
         let estimate = claimed(of_file, &found, z);
-        let has_moved = |k: &usize| may_hold[*k] && !estimate.identified[*k] && estimate.z[*k] != 0.0;
-        match (0..may_hold.len()).filter(has_moved).max_by(|&a, &b| estimate.std[a].total_cmp(&estimate.std[b])) {
+        let is_of_controller = |k: &usize| unknowns[*k].quantity.is_of_controller();
+        let has_moved = |k: &usize| is_of_controller(k) && !estimate.identified[*k] && estimate.z[*k] != 0.0;
+        match (0..unknowns.len()).filter(has_moved).max_by(|&a, &b| estimate.std[a].total_cmp(&estimate.std[b])) {
             Some(worst) => held.push(worst),
             None => {
                 let problem = filed.with_tolerances_of(&within, &estimate.z)?;

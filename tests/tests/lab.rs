@@ -118,6 +118,9 @@ fn goes_through_the_chain(logs: &Path, truth: &Value, motions: &[&str]) {
     let hidden_m = number(truth, "/r_l1_m");
     let error = identified.joints[0].link_pulley_radius / hidden_m - 1.0;
     assert!(error.abs() < 0.006, "r_l1 is off by {:.2} %", 100.0 * error);
+    // What the motion does not tell stays as it was, and keeps nothing from the controller.
+    typed(at, raven_identify::run, &["export", "{identified.yaml}", "--format", "defines", "-o", "{new.h}"]).unwrap();
+    assert!(std::fs::read_to_string(at.join("new.h")).unwrap().contains("/* r_l1: 0.0"));
 
     // The motion that the parameters come from, and one that they have not seen.
     for motion in motions {

@@ -7,6 +7,8 @@ use raven::robot::Robot;
 use raven::{Error, Result, cli, files};
 use serde::Deserialize;
 
+use crate::identified::unremarked;
+
 /// A report.
 #[derive(Debug)]
 pub struct Diagnosis {
@@ -17,6 +19,8 @@ pub struct Diagnosis {
 #[derive(Debug, Deserialize)]
 struct Report {
     format: String,
+    #[serde(default)]
+    verdict: Option<String>,
     #[serde(default)]
     effects: Vec<Blamed>,
     #[serde(default)]
@@ -48,7 +52,23 @@ pub struct Blamed {
     pub joint: Option<String>,
     #[serde(default)]
     parameters: Vec<Estimate>,
+    #[serde(default)]
+    probability: Option<f64>,
+    #[serde(default)]
+    ties: Vec<Tie>,
 }
+
+/// What may be there in its place.
+#[derive(Debug, Deserialize)]
+struct Tie {
+    id: String,
+    joint: Option<String>,
+    #[serde(default)]
+    exact: bool,
+}
+
+/// Probability below which an effect is spoken of with it.
+const SURE: f64 = 0.9;
 
 /// One of its numbers.
 #[derive(Debug, Deserialize)]
@@ -90,7 +110,8 @@ impl Diagnosis {
             return Ok(());
         }
         let logs = self.logs();
-        let is_in = |name: &&String| robot.calibration.iter().any(|line| line.method == super::method(name) && line.logs == logs);
+        let is_in =
+            |name: &&String| robot.calibration.iter().any(|line| unremarked(&line.method) == super::method(name) && line.logs == logs);
         if let Some(name) = names.iter().find(is_in) {
             let message = format!(
                 "{name} is in it already, from a report on the same recordings, and {} was made against {file}; diagnose with this file, or \
@@ -143,6 +164,20 @@ impl Diagnosis {
             }
             _ => wrong(format!("{id} is among its effects at several places; write one of {}.", names(&mut found.iter().copied()))),
         }
+    }
+
+    /// Why a blamed effect may not be there, as far as the report says.
+    #[must_use]
+    pub fn doubt(&self, blamed: &Blamed) -> Option<String> {
+        let probability = blamed.probability.filter(|probability| *probability < SURE);
+        let probability = probability.map(|probability| format!("the diagnosis gives it a probability of {probability:.2}"));
+        let same: Vec<String> =
+            blamed.ties.iter().filter(|tie| tie.exact).map(|tie| raven::effects::at_place(&tie.id, tie.joint.as_deref())).collect();
+        let same = (!same.is_empty()).then(|| format!("no recording of motors and tip tells it from {}", same.join(" or ")));
+        let verdict = self.report.verdict.as_ref().filter(|verdict| *verdict != "explained");
+        let verdict = verdict.map(|verdict| format!("the verdict was `{verdict}`"));
+        let doubts: Vec<String> = [probability, same, verdict].into_iter().flatten().collect();
+        (!doubts.is_empty()).then(|| doubts.join(", "))
     }
 
     /// Values and standard deviations of a blamed effect, in the order and units of the library. What the motion before the recording left is

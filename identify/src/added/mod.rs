@@ -15,7 +15,7 @@ use raven::{Error, Result};
 use serde_json::json;
 
 use crate::args::Identify;
-use crate::identified::{BY_EFFECT, is_determined};
+use crate::identified::{BY_EFFECT, is_determined, remarked};
 use diagnosis::Diagnosis;
 use request::Request;
 
@@ -28,6 +28,8 @@ struct Sized {
     sited: Sited,
     values: Vec<f64>,
     stds: Vec<f64>,
+    /// Why it may not be there, where a diagnosis says so.
+    doubt: Option<String>,
     /// The recordings that were diagnosed, by file name, and SHA-256 of each.
     logs: Vec<String>,
     sha256: Vec<String>,
@@ -58,6 +60,9 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
         if names.contains(&name) {
             return Err(Error::Argument(format!("--add-effect {name} is given twice; give it once, with all of its size.")));
         }
+        if let Some(doubt) = &sized.doubt {
+            cli::warn(&format!("{name}: {doubt}."));
+        }
         names.push(name);
         robot = added(&robot, cameras.as_ref(), &sized)?;
         let Effect { id, parameters, .. } = sized.sited.effect;
@@ -84,7 +89,7 @@ pub fn run(args: &Identify, out: &mut dyn Write) -> Result<Outcome> {
 
 /// The robot with an effect, and where each changed number came from.
 fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robot> {
-    let Sized { sited, values, stds, logs, sha256 } = sized;
+    let Sized { sited, values, stds, doubt, logs, sha256 } = sized;
     let mut new = sited.added_to(robot, cameras, values)?;
     // An effect that was measured has a deviation; its shapes may be as usual.
     let is_measured = stds.iter().any(|&std| std > 0.0);
@@ -103,7 +108,7 @@ fn added(robot: &Robot, cameras: Option<&Cameras>, sized: &Sized) -> Result<Robo
             prior,
             prior_std,
             identified: false,
-            method: method(&name(sited, robot)),
+            method: remarked(&method(&name(sited, robot)), doubt.clone()),
             logs: logs.clone(),
             sha256: sha256.clone(),
         };

@@ -45,7 +45,8 @@ impl Request {
             let blamed = diagnosis.find(&self.id, self.joint.as_deref())?;
             let sited = Sited::at(robot, &self.id, blamed.joint.as_deref())?;
             let (values, stds) = diagnosis.values(blamed, &sited)?;
-            return Ok(Sized { sited, values, stds, logs: diagnosis.logs(), sha256: diagnosis.sha256_of_logs() });
+            let doubt = diagnosis.doubt(blamed);
+            return Ok(Sized { sited, values, stds, doubt, logs: diagnosis.logs(), sha256: diagnosis.sha256_of_logs() });
         };
         let sited = Sited::at(robot, &self.id, self.joint.as_deref()).map_err(|e| Error::Argument(format!("--add-effect: {e}")))?;
         let parameters = sited.effect.parameters;
@@ -57,7 +58,7 @@ impl Request {
             let names: Vec<String> = parameters.iter().map(|p| format!("{} [{}]", p.name, p.unit_at(measure))).collect();
             return Err(Error::Argument(format!("--add-effect {}: it takes {}; {} given.", self.id, names.join(","), typed.len())));
         }
-        Ok(Sized { sited, stds: vec![0.0; values.len()], values, logs: Vec::new(), sha256: Vec::new() })
+        Ok(Sized { sited, stds: vec![0.0; values.len()], values, doubt: None, logs: Vec::new(), sha256: Vec::new() })
     }
 }
 

@@ -67,8 +67,8 @@ impl Calibration {
                 continue;
             }
             let is_typed = entry.std == 0.0;
-            // What stays as fitted whatever the log says is nothing the controller has.
-            let stays_as_fitted = parameters::ALL.iter().any(|quantity| !quantity.may_hold() && quantity.key(robot) == entry.key);
+            // What the controller does not have may stay as fitted.
+            let stays_as_fitted = parameters::ALL.iter().all(|quantity| !quantity.is_of_controller() || quantity.key(robot) != entry.key);
             if stays_as_fitted {
                 settled.push(&entry.key);
             } else if value != entry.prior {

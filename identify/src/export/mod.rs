@@ -73,6 +73,11 @@ pub fn run(args: &Export, out: &mut dyn Write) -> Result<Outcome> {
     files::apart(std::iter::once(&args.identified).chain(&args.base), &outputs)?;
     let robot = Robot::read(&args.identified)?;
     let calibration = Calibration::new(&args.identified, &robot)?;
+    if calibration.identified.iter().all(|entry| !calibration.carries(args.format, &entry.key)) {
+        let found: Vec<&str> = calibration.identified.iter().map(|entry| entry.parameter.as_str()).collect();
+        let message = format!("there is nothing to export: the controller has no constant for {}.", found.join(", "));
+        return Err(Error::file(&args.identified, message));
+    }
     let text = match args.format {
         Format::R2params => {
             let base = args.base.as_deref().ok_or_else(|| {

@@ -192,7 +192,32 @@ fn what_the_diagnosis_determined_is_exported_and_what_it_did_not_is_refused() {
     assert!(header.contains(" * Logs:\n *   rich.mcap\n"), "{header}");
     assert!(header.contains("r_l1: 0.0599") && header.contains(" +- 0.00013"), "{header}");
     let error = export(0.03).unwrap_err();
-    assert!(error.contains("joints.shoulder.link_pulley_radius") && error.contains("was not identified (0.0018"), "{error}");
+    assert!(
+        error.contains("joints.shoulder.link_pulley_radius") && error.contains("was not identified (75 % of its deviation is left)"),
+        "{error}"
+    );
+}
+
+#[test]
+fn what_a_diagnosis_doubts_goes_with_the_number_to_the_controller() {
+    let folder = Folder::new();
+    let mut offset = blamed("joint-offset", Some("insertion"), &[("offset", 0.004, 0.0003, "m")]);
+    let add = "--add-effect joint-offset --diagnosis {report.json} --robot {robot.yaml} -o {new.yaml}";
+    let exported = |effect: &serde_json::Value| {
+        folder.report(&json!([effect]));
+        folder.identify(add).unwrap();
+        ["defines", "rosparam"].map(|format| {
+            folder.identify(&format!("export {{new.yaml}} --format {format} -o {{new}}")).unwrap();
+            std::fs::read_to_string(folder.path("new")).unwrap()
+        })
+    };
+    assert!(exported(&offset).iter().all(|text| !text.contains("diagnosis gives")));
+    offset["probability"] = json!(0.64);
+    offset["ties"] = json!([{"id": "tool-length", "joint": null, "exact": true}, {"id": "backlash", "joint": "insertion", "exact": false}]);
+    let doubt = "the diagnosis gives it a probability of 0.64, no recording of motors and tip tells it from tool-length";
+    for text in exported(&offset) {
+        assert!(text.contains(&format!("joints_insertion_hard_stop: {doubt}\n")), "{text}");
+    }
 }
 
 /// A factor is known to a part of itself, however large it is.

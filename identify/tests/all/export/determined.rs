@@ -76,6 +76,22 @@ fn how_straight_a_loop_turns_holds_back_no_other_number() {
     Folder::new(&robot).export("rosparam", None, "new.yaml").unwrap();
 }
 
+#[test]
+fn what_the_controller_does_not_have_holds_back_no_other_number_and_is_no_calibration_alone() {
+    let mut robot = identified("gold");
+    change(&mut robot, "k_e3", "joints.insertion.cable.stiffness", 1700.0);
+    robot.calibration.last_mut().unwrap().identified = false;
+    let folder = Folder::new(&robot);
+    assert!(!folder.export("rosparam", None, "new.yaml").unwrap().contains("k_e3: ["));
+    folder.export("defines", None, "new.h").unwrap();
+    let mut cable = nominal::gold();
+    change(&mut cable, "k_e2", "joints.elbow.cable.stiffness", 20_000.0);
+    let folder = Folder::new(&cable);
+    let refused = folder.export("defines", None, "new.h").unwrap_err();
+    assert!(refused.contains("there is nothing to export: the controller has no constant for k_e2."), "{refused}");
+    assert!(folder.export("rosparam", None, "new.yaml").unwrap().contains("k_e2: ["));
+}
+
 /// A factor is known to a part of itself: of one that went up, more is left in SI units than half of what there was before.
 #[test]
 fn what_an_identification_determined_is_exported_whichever_way_it_went() {
