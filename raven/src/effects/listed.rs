@@ -68,10 +68,9 @@ impl Sited {
         for (parameter, &value) in self.effect.parameters.iter().zip(values) {
             let [low, high] = parameter.range(measure);
             if !(low..=high).contains(&value) {
-                let (id, name, unit) = (self.effect.id, parameter.name, parameter.unit_at(measure));
-                return Err(Error::Argument(format!(
-                    "{id}: `{name}` is {value}, expected {low:.3e} to {high:.3e} {unit}. Is it in SI units?"
-                )));
+                let (id, name) = (self.effect.id, parameter.name);
+                let expected = crate::robot::with_unit(&format!("{low:.3e} to {high:.3e}"), parameter.unit_at(measure));
+                return Err(Error::Argument(format!("{id}: `{name}` is {value}, expected {expected}. Is it in SI units?")));
             }
         }
         Ok(())

@@ -66,8 +66,12 @@ impl NormalisedSquares {
         let times = self.times_claimed;
         match self.verdict {
             Verdict::Consistent => format!("{who} is consistent: its {errors} are as large as it says."),
-            Verdict::ClaimsTooMuch => format!("{who} claims too much: its {errors} are {times:.2} times what it says."),
-            Verdict::ClaimsTooLittle => format!("{who} claims too little: its {errors} are {times:.2} times what it says."),
+            Verdict::ClaimsTooMuch => {
+                format!("{who} states deviations that are too small: its {errors} are {times:.2} times what it says.")
+            }
+            Verdict::ClaimsTooLittle => {
+                format!("{who} states deviations that are too large: its {errors} are {times:.2} times what it says.")
+            }
         }
     }
 }
@@ -146,7 +150,7 @@ mod tests {
         assert_eq!(nis(&run(1.0, 0.0)).unwrap().verdict, Verdict::Consistent);
         let boastful = nis(&run(1.8, 0.0)).unwrap();
         assert!(boastful.verdict == Verdict::ClaimsTooMuch && (boastful.times_claimed - 1.8).abs() < 0.05);
-        assert!(boastful.sentence("The filter", "errors").starts_with("The filter claims too much: its errors are "));
+        assert!(boastful.sentence("The filter", "errors").starts_with("The filter states deviations that are too small: its errors are "));
         assert_eq!(nis(&run(0.7, 0.0)).unwrap().verdict, Verdict::ClaimsTooLittle);
     }
 

@@ -193,5 +193,10 @@ fn within(key: &str, value: f64, [low, high]: [f64; 2], unit: &str, meant: &str)
     if (low..=high).contains(&value) {
         return Ok(());
     }
-    Err(format!("{key} is {value}, expected {low} to {high} {unit}. Is it in {meant}?"))
+    Err(format!("{key} is {value}, expected {}. Is it in {meant}?", with_unit(&format!("{low} to {high}"), unit)))
+}
+
+/// Numbers with their unit, where they have one: that of a ratio is `1`.
+pub(crate) fn with_unit(numbers: &str, unit: &str) -> String {
+    if unit == "1" { numbers.to_owned() } else { format!("{numbers} {unit}") }
 }
