@@ -106,6 +106,7 @@ impl Report {
     pub(crate) fn page(&self, of_gap: report::Page, robot: &Robot, args: &Args) -> report::Page {
         let mut page = of_gap;
         page.motors.clone_from(&self.motor_motion);
+        page.is_against = self.against.is_some();
         page.remarks.extend(self.warnings.iter().chain(&self.lost).chain(&self.no_diagnosis).cloned());
         if let Some(attribution) = &self.attribution {
             let json = args.json.as_deref().filter(|json| json.as_os_str() != cli::STANDARD_OUTPUT);

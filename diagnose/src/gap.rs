@@ -76,13 +76,20 @@ pub fn motor_motion(channels: &[Channel]) -> Vec<MotorMotion> {
 pub const LONG_HORIZONS: &str = "Over a long horizon that is the error of the torque integrated twice, open loop: it says how far a simulation \
                                  goes astray, and little of the cause.";
 
+/// What drives the motors: where recordings are held against a simulation, the torque is put right by what that departs from the model.
+#[must_use]
+pub fn driven_by(is_against: bool) -> &'static str {
+    if is_against { "the recorded torque, less what the simulation's departs from the model," } else { "the recorded torque" }
+}
+
 /// Motor motion as a terminal shows it: a line per joint, a column per horizon.
 #[must_use]
-pub fn motor_words(all: &[MotorMotion]) -> String {
+pub fn motor_words(all: &[MotorMotion], is_against: bool) -> String {
     let mut text = String::new();
     for of_joint in all.chunk_by(|a, b| a.joint == b.joint) {
         if text.is_empty() {
-            text += "\nMotors driven by the recorded torque through the model (rms from where they were recorded, at the joint)\n";
+            let torque = driven_by(is_against);
+            text += &format!("\nMotors driven by {torque} through the model (rms from where they were recorded, at the joint)\n");
         }
         let [first, ..] = of_joint else { continue };
         let columns: Vec<String> = of_joint.iter().map(|m| format!("{} after {} s", figure(m.rms), m.horizon_s)).collect();
@@ -104,9 +111,9 @@ mod tests {
     #[test]
     fn motors_that_go_astray_over_a_long_horizon_say_little_of_the_cause() {
         let after = |horizon_s, rms| MotorMotion { joint: "elbow".to_owned(), unit: "deg", horizon_s, rms, observations: 9 };
-        let text = motor_words(&[after(0.05, 0.001_234), after(5.0, 44.8561)]);
+        let text = motor_words(&[after(0.05, 0.001_234), after(5.0, 44.8561)], false);
         assert!(text.contains("elbow       deg  0.00123 after 0.05 s, 44.9 after 5 s\n") && text.contains("integrated twice"), "{text}");
-        assert!(motor_words(&[]).is_empty());
+        assert!(motor_words(&[], true).is_empty());
     }
 
     #[test]

@@ -30,7 +30,7 @@ impl fmt::Display for Report {
         if let Some(against) = &self.against {
             write!(out, "\n{}", against.words())?;
         }
-        write!(out, "{}", gap::motor_words(&self.motor_motion))?;
+        write!(out, "{}", gap::motor_words(&self.motor_motion, self.against.is_some()))?;
         self.where_it_lies(out)?;
         if let Some(attribution) = &self.attribution {
             write!(out, "\n{}", attribution::words(attribution))?;

@@ -26,6 +26,7 @@ use std::path::PathBuf;
 use raven::camera::Cameras;
 use raven::effects::Stage;
 use raven::log::{JointSeries, Recording, TipStatus};
+use raven::plot::svg::figure;
 use raven::robot::{KinematicsKind, Robot};
 use raven::stats::rms;
 use raven::{Error, Result};
@@ -204,7 +205,8 @@ impl Against {
         let _ = writeln!(text, "\nGap (rms): real less simulated; all but the motors at equal motor motion");
         let _ = writeln!(text, "{:<17} {:>4} {:>10} {:>12} {:>13}", "channel", "unit", "gap", "noise floor", "observations");
         for ChannelGap { channel, unit, rms, noise_floor, observations } in &self.gap {
-            let _ = writeln!(text, "{channel:<17} {unit:>4} {rms:>10.3} {noise_floor:>12.3} {observations:>13}");
+            let [rms, noise_floor] = [rms, noise_floor].map(|&value| figure(value));
+            let _ = writeln!(text, "{channel:<17} {unit:>4} {rms:>10} {noise_floor:>12} {observations:>13}");
         }
         text
     }

@@ -180,6 +180,9 @@ pub fn number(estimate: &Estimate) -> String {
     format!("{name} {value:.digits$} +- {std:.digits$}{unit}")
 }
 
+/// What the evidence of a candidate is.
+pub const EVIDENCE_IS: &str = "Evidence is that of the best hypothesis with the candidate, whatever else it holds, beyond none's.";
+
 /// The smallest size of an effect that would have been named: `0.62 %`, `0.12 deg`, `factor 1.8`.
 #[must_use]
 pub fn size(least: &Detectable) -> String {
@@ -214,12 +217,17 @@ pub fn words(attribution: &Attribution) -> String {
         let joint = candidate.joint.as_deref().unwrap_or("");
         let _ = writeln!(text, "{:<24} {joint:<20} {:>11.3} {:>13.1}", candidate.id, candidate.probability, candidate.evidence_nats);
     }
+    if attribution.effects.len() > 1 {
+        let lost = |blamed: &Blamed| format!("{:.1} without {}", blamed.evidence_nats, at(blamed.id, blamed.joint.as_deref()));
+        let lost: Vec<String> = attribution.effects.iter().map(lost).collect();
+        let _ = writeln!(text, "{EVIDENCE_IS} Of what all that are named have, {} are lost.", lost.join(", "));
+    }
     if !attribution.gap.is_empty() {
         let effects = if attribution.effects.is_empty() { "" } else { ", with the effects" };
         let _ = writeln!(
             text,
             "\nThe {}{effects}, and retuned: with the file's own numbers moved against their tolerances as well; each as found on other parts \
-             of the recordings (rms)",
+             of the recordings (rms; what is closed is part of the squared gap above the noise floor)",
             if attribution.side.is_some() { "simulation" } else { "model with the file" }
         );
         let _ = writeln!(

@@ -125,6 +125,10 @@ pub fn check(
     verdicts: &Path,
     out: &mut dyn Write,
 ) -> Result<Score> {
+    let seal = folder.join(LABELS_SUM);
+    if !seal.exists() {
+        return Err(Error::file(&seal, "is not there: the folder is not sealed, and verdicts could be held against no labels."));
+    }
     let recordings = recordings(folder)?;
     let mut answers = Vec::new();
     let mut spreads = Vec::new();
@@ -133,7 +137,10 @@ pub fn check(
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let verdict = diagnosed.map(|diagnosed| diagnosed.verdict).map_err(|error| {
             let text = error.to_string();
-            first_error.get_or_insert(error);
+            first_error.get_or_insert_with(|| match error {
+                Error::Data(because) => Error::Data(format!("{name}: {because}")),
+                other => other,
+            });
             text
         });
         answers.push(Answer { name, verdict, seconds, told: None });

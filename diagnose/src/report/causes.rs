@@ -59,7 +59,6 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
         None => put_in(&attribution.effects, robot, files),
         Some(side) => change_simulation(side, &attribution.effects),
     });
-    page.is_against = attribution.side.is_some();
     let file_number = |of: &FileNumber| format!("{}, {:.1} of its tolerances off.", off(of), of.tolerances.abs());
     page.file_numbers = attribution.file_numbers.iter().map(file_number).collect();
     page.tolerance_parts = attribution.tolerance_parts.parts().map(|(kind, part)| (kind.to_owned(), part)).collect();

@@ -4,17 +4,13 @@ use raven::plot::page::document;
 use raven::plot::svg::{escape, figure};
 
 use super::{Candidate, Page, bars, traces};
-use crate::attribution::NONE;
-use crate::gap::{LONG_HORIZONS, MotorMotion};
+use crate::attribution::{EVIDENCE_IS, NONE};
+use crate::gap::{LONG_HORIZONS, MotorMotion, driven_by};
 
 /// Candidates listed.
 const CANDIDATES: usize = 10;
 /// The place of what belongs to no joint.
 const WHOLE: &str = "whole set-up";
-
-/// What the table of motors has.
-const MOTORS_ARE: &str =
-    "How far motors that the recorded torque drives through the model come from where they were recorded (rms, at the joint).";
 
 /// What the table of tolerances has.
 const TOLERANCES_ARE: &str =
@@ -31,7 +27,7 @@ pub fn html(page: &Page) -> String {
         section("The gap", &legend(has_after, "noise floor"), page.gaps.is_empty(), || figure_of(&bars::gaps(&page.gaps))),
         section("What causes it", "", page.candidates.is_empty(), || candidates(&page.candidates)),
         section("Where it lies", "", page.places.is_empty(), || list("ul", &page.places)),
-        section("Motors driven by their torque", "", page.motors.is_empty(), || motors(&page.motors)),
+        section("Motors driven by their torque", "", page.motors.is_empty(), || motors(page)),
         section("Residuals by phase", &legend(has_after, "noise floor"), page.phases.is_empty(), || phases(page)),
         section("Residuals over time", &legend(has_after, "two deviations of the noise"), page.traces.is_empty(), || {
             page.traces.iter().enumerate().map(|(k, trace)| figure_of(&traces::trace(k, trace))).collect()
@@ -113,13 +109,15 @@ fn candidates(candidates: &[Candidate]) -> String {
     let more = if rest > 0 { format!("<p class=\"small\">{rest} more are less likely.</p>") } else { String::new() };
     format!(
         "<table>\n<thead><tr><th scope=\"col\">effect</th><th scope=\"col\">joint</th><th scope=\"col\" colspan=\"2\">probability</th>\
-         <th scope=\"col\" class=\"n\">evidence [nat]</th><th scope=\"col\">numbers</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>{more}"
+         <th scope=\"col\" class=\"n\">evidence [nat]</th><th scope=\"col\">numbers</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>{more}\n\
+         <p class=\"small\">{EVIDENCE_IS}</p>"
     )
 }
 
 /// A line per joint, a column per horizon.
-fn motors(all: &[MotorMotion]) -> String {
-    let of_joints: Vec<&[MotorMotion]> = all.chunk_by(|a, b| a.joint == b.joint).collect();
+fn motors(page: &Page) -> String {
+    let torque = driven_by(page.is_against);
+    let of_joints: Vec<&[MotorMotion]> = page.motors.chunk_by(|a, b| a.joint == b.joint).collect();
     let heads =
         |first: &&[MotorMotion]| first.iter().map(|m| format!("<th scope=\"col\" class=\"n\">after {} s</th>", m.horizon_s)).collect();
     // A short recording has no long horizons.
@@ -131,7 +129,8 @@ fn motors(all: &[MotorMotion]) -> String {
     let rows: String = of_joints.into_iter().filter_map(row).collect();
     format!(
         "<table class=\"narrow\">\n<thead><tr><th scope=\"col\">joint</th><th scope=\"col\">unit</th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody>\n\
-         </table>\n<p class=\"small\">{MOTORS_ARE} {LONG_HORIZONS}</p>"
+         </table>\n<p class=\"small\">How far motors that {torque} drives through the model come from where they were recorded (rms, at the joint). \
+         {LONG_HORIZONS}</p>"
     )
 }
 
