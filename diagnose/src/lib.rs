@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::{Recording, TipStatus};
+use raven::log::Recording;
 use raven::robot::{PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
 
@@ -224,8 +224,7 @@ fn lost(recording: &Recording) -> impl Iterator<Item = String> {
         let name = recording.name();
         format!("{name}: {pauses_s:.1} s without motor angles, in pauses of more than {PAUSE_MAX_S} s, were left out.")
     });
-    let seen = recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen);
-    let without_covariance = seen.filter(|tip| tip.covariance_m2.cholesky().is_none()).count();
+    let without_covariance = recording.seen_tips().filter(|tip| tip.covariance_m2.cholesky().is_none()).count();
     let of_tips = (without_covariance > 0).then(|| {
         let name = recording.name();
         format!(

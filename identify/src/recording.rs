@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use raven::camera::Cameras;
-use raven::log::{Recording, TipObservation, TipStatus};
+use raven::log::{Recording, TipObservation};
 use raven::observation::TipCorrection;
 use raven::robot::{JointType, Robot};
 use raven::{Error, Result, files};
@@ -69,12 +69,8 @@ impl Recordings {
         self.doubts.extend(Cameras::doubts(cameras, robot, &recording)?);
         let motion = Motion::new(recording.motor_track()?, recording.require_motor()?.longest_joined_s())
             .ok_or_else(|| Error::file(path, "the log has a single robot message; an estimate needs a motion."))?;
-        let seen: Vec<(f64, &TipObservation)> = recording
-            .require_tip()?
-            .iter()
-            .filter(|tip| tip.status == TipStatus::Seen)
-            .map(|tip| (tip.stamp.seconds_since(recording.start), tip))
-            .collect();
+        recording.require_tip()?;
+        let seen: Vec<(f64, &TipObservation)> = recording.seen_tips().map(|tip| (tip.stamp.seconds_since(recording.start), tip)).collect();
         if seen.is_empty() {
             let count = recording.tip.len();
             return Err(Error::file(path, format!("the tip was not seen in any of {count} observations; see what `raven-track` says.")));

@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Matrix3x6, Matrix6, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::filter::TipAt;
-use crate::log::{JointSeries, Recording, TipStatus};
+use crate::log::{JointSeries, Recording};
 use crate::robot::{Arm, KinematicsKind, MotorTrack, Observation, POSE_COVARIANCE, Robot};
 use crate::{Error, Result};
 
@@ -45,8 +45,9 @@ impl Recording {
     /// If the log has no tips, or the robot is no arm.
     pub fn tips(&self, robot: &Robot) -> Result<Vec<TipAt>> {
         let correction = TipCorrection::of(robot, &robot.arm()?)?;
-        let seen = self.require_tip()?.iter().filter(|tip| tip.status == TipStatus::Seen);
-        let mut tips: Vec<TipAt> = seen
+        self.require_tip()?;
+        let mut tips: Vec<TipAt> = self
+            .seen_tips()
             .map(|tip| {
                 let time_s = tip.stamp.seconds_since(self.start);
                 correction.apply(&TipAt { time_s, position: tip.position_m, covariance: tip.covariance_m2 })

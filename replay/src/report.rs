@@ -8,7 +8,7 @@ use raven::Result;
 use raven::effects::within_images;
 use raven::filter::consistency::{self, NormalisedSquares, Whiteness};
 use raven::filter::{FilterRun, Persistence, Tuning};
-use raven::log::{LogWriter, Recording, TipStatus, topics};
+use raven::log::{LogWriter, Recording, topics};
 use raven::plot;
 use raven::robot::{Arm, Robot};
 use raven::stats::TTest;
@@ -65,7 +65,7 @@ impl LogSummary {
         Self {
             log: recording.path.display().to_string(),
             lost: lost(recording, filter),
-            any_seen: recording.tip.iter().any(|tip| tip.status == TipStatus::Seen),
+            any_seen: recording.seen_tips().next().is_some(),
             tips: filter.innovations.len(),
             refused: filter.innovations.iter().filter(|(_, innovation)| !innovation.accepted).count(),
             restarts: filter.restarts,

@@ -25,7 +25,7 @@ use std::path::PathBuf;
 
 use raven::camera::Cameras;
 use raven::effects::Stage;
-use raven::log::{JointSeries, Recording, TipStatus};
+use raven::log::{JointSeries, Recording};
 use raven::plot::svg::figure;
 use raven::robot::{KinematicsKind, Robot};
 use raven::stats::rms;
@@ -129,7 +129,7 @@ fn corrected(robot: &Robot, cameras: Option<&Cameras>, real: &Recording, simulat
     if deviation.joints.is_none() && matches!(robot.kinematics, KinematicsKind::Bench) {
         put_right.joint_encoders = None;
     }
-    let anything = put_right.tip.iter().any(|tip| tip.status == TipStatus::Seen)
+    let anything = put_right.seen_tips().next().is_some()
         || put_right.joint_encoders.as_ref().is_some_and(|_| deviation.joints.is_some())
         || put_right.motor.as_ref().is_some_and(|motor| motor.effort.is_some());
     if !anything {

@@ -10,7 +10,7 @@
 
 use raven::Result;
 use raven::camera::Cameras;
-use raven::log::{Recording, TipObservation, TipStatus};
+use raven::log::{Recording, TipObservation};
 use raven::robot::Robot;
 
 use super::{corrected, deviation};
@@ -34,23 +34,19 @@ pub fn turned_about(
 ) -> Result<Vec<Recording>> {
     let of = |((real, simulated), shift_s): ((&Recording, &Recording), f64)| {
         let mut simulated = deviation::with_tips(robot, simulated)?;
-        simulated.tip = as_often(&seen(&simulated), &seen(real), shift_s);
+        simulated.tip = as_often(&simulated.seen_tips().collect::<Vec<_>>(), &real.seen_tips().collect::<Vec<_>>(), shift_s);
         Ok(corrected(robot, cameras, &simulated, real)?.0)
     };
     recordings.iter().zip(simulated).zip(shifts_s).map(of).collect()
 }
 
-fn seen(recording: &Recording) -> Vec<TipObservation> {
-    recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen).cloned().collect()
-}
-
 /// Of tips whose stamps lack `shift_s` to those of others [s] the next to each of these.
-fn as_often(tips: &[TipObservation], others: &[TipObservation], shift_s: f64) -> Vec<TipObservation> {
+fn as_often(tips: &[&TipObservation], others: &[&TipObservation], shift_s: f64) -> Vec<TipObservation> {
     let apart_s = |tip: &TipObservation, other: &TipObservation| tip.stamp.seconds_since(other.stamp) + shift_s;
-    let next = |other: &TipObservation| {
+    let next = |other: &&TipObservation| {
         let after = tips.partition_point(|tip| apart_s(tip, other) < 0.0);
         let beside = after.saturating_sub(1)..(after + 1).min(tips.len());
-        beside.min_by(|&a, &b| apart_s(&tips[a], other).abs().total_cmp(&apart_s(&tips[b], other).abs()))
+        beside.min_by(|&a, &b| apart_s(tips[a], other).abs().total_cmp(&apart_s(tips[b], other).abs()))
     };
     let mut kept: Vec<usize> = others.iter().filter_map(next).collect();
     kept.sort_unstable();
@@ -87,6 +83,7 @@ mod tests {
         // At 100 Hz and an epoch that is 7 s later; the recording begins before and ends after.
         let simulated: Vec<TipObservation> = (0..100).map(|k| tip(7.0 + 0.01 * f64::from(k))).collect();
         let real: Vec<TipObservation> = (-1..16).map(|k| tip(1.002 + 0.066 * f64::from(k))).collect();
+        let [simulated, real]: [Vec<&TipObservation>; 2] = [&simulated, &real].map(|tips| tips.iter().collect());
         let kept = as_often(&simulated, &real, -6.0);
         // The first and the last stand for what lies beyond them once.
         assert_eq!(kept.len(), 16);

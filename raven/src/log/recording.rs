@@ -113,6 +113,11 @@ impl Recording {
         Ok(&self.tip)
     }
 
+    /// The tip observations in which the tip was seen.
+    pub fn seen_tips(&self) -> impl Iterator<Item = &TipObservation> {
+        self.tip.iter().filter(|tip| tip.status == TipStatus::Seen)
+    }
+
     /// The reference encoders.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 use raven::Result;
 use raven::camera::Cameras;
 use raven::effects::{Command, Shaft, Sight};
-use raven::log::{Recording, TipStatus};
+use raven::log::Recording;
 use raven::observation::three_joints;
 use raven::robot::{MotorTrack, PAUSE_MAX_S};
 
@@ -45,8 +45,7 @@ impl Data {
     /// If the log has no motor angles of three joints.
     pub fn new(recording: &Recording, cameras: Option<&Cameras>) -> Result<Self> {
         let motors = recording.motor_track()?;
-        let seen = recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen);
-        let sights = seen.map(|tip| Sight {
+        let sights = recording.seen_tips().map(|tip| Sight {
             stamp_s: tip.stamp.seconds_since(recording.start),
             position_m: tip.position_m,
             covariance_m2: tip.covariance_m2,

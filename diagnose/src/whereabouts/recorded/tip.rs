@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 use raven::Result;
 use raven::camera::{Cameras, Pinhole};
 use raven::effects::{Model, Stage, TipModel};
-use raven::log::{Recording, TipObservation, TipStatus};
+use raven::log::{Recording, TipObservation};
 use raven::observation::TipCorrection;
 use raven::robot::Arm;
 
@@ -16,12 +16,8 @@ use crate::evidence::recorded::data::Data;
 /// The cameras, where they are registered and every tip came with its pixels.
 pub(super) fn pixels_known<'a>(cameras: Option<&'a Cameras>, recordings: &[Recording]) -> Option<&'a Cameras> {
     let with_pixels = |tip: &TipObservation| tip.left_px.iter().chain(&tip.right_px).all(|v| v.is_finite());
-    let all = recordings.iter().all(|recording| seen(recording).all(with_pixels));
+    let all = recordings.iter().all(|recording| recording.seen_tips().all(with_pixels));
     cameras.filter(|cameras| all && cameras.base_from_left.is_some())
-}
-
-fn seen(recording: &Recording) -> impl Iterator<Item = &TipObservation> {
-    recording.tip.iter().filter(|tip| tip.status == TipStatus::Seen)
 }
 
 pub(super) fn tip_channels(pixels: bool) -> Vec<Channel> {
@@ -44,7 +40,7 @@ pub(super) fn tip_channels(pixels: bool) -> Vec<Channel> {
 pub(super) fn ninths(recording: &Recording, left: &Pinhole, correction: &TipCorrection) -> Vec<(f64, f64)> {
     let third = |pixel: f64, size: u32| (3.0 * (pixel + 0.5) / f64::from(size)).floor().clamp(0.0, 2.0);
     let ninth = |tip: &TipObservation| third(tip.left_px[0], left.width) + 3.0 * third(tip.left_px[1], left.height);
-    seen(recording).map(|tip| (correction.shown_at_s(tip.stamp.seconds_since(recording.start)), ninth(tip))).collect()
+    recording.seen_tips().map(|tip| (correction.shown_at_s(tip.stamp.seconds_since(recording.start)), ninth(tip))).collect()
 }
 
 pub(super) fn ninth_at(ninths: &[(f64, f64)], time_s: f64) -> f64 {
@@ -68,7 +64,7 @@ pub(super) fn tip_tracks(
     let (mut speed, mut ninth) = (Vec::new(), Vec::new());
     let (predicted, _) = TipModel::new(model, &data.motors)?.rolled_out(&data.sights, &[]);
     let observed: BTreeMap<i64, &TipObservation> =
-        seen(recording).map(|tip| (nanoseconds(tip.stamp.seconds_since(recording.start)), tip)).collect();
+        recording.seen_tips().map(|tip| (nanoseconds(tip.stamp.seconds_since(recording.start)), tip)).collect();
     for (sight, predicted_m) in data.sights.iter().zip(predicted) {
         let shown_s = model.view.shown_at_s(sight.stamp_s);
         let Some((predicted_m, (angle, rate))) = predicted_m.zip(data.motors.at(shown_s)) else { continue };
@@ -128,7 +124,7 @@ fn pixel_residuals(
 mod tests {
     use nalgebra::{Isometry3, Matrix2, Translation3, UnitQuaternion};
     use raven::camera::Quality;
-    use raven::log::Stamp;
+    use raven::log::{Stamp, TipStatus};
 
     use super::*;
 
