@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use raven::plot::svg::figure;
+use raven::robot::with_unit;
 
 use super::{Attribution, Blamed, Candidate, Closure, Detectable, Estimate, FileNumber, Side, Tied, Word};
 
@@ -172,12 +173,11 @@ pub fn number(estimate: &Estimate) -> String {
     let Estimate { name, value, std, unit, whole, .. } = estimate;
     let (unit, scale) = displayed(unit);
     let (value, std) = (scale * value, scale * std);
-    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
     if *whole {
-        return format!("{name} {value:.0}{unit}");
+        return with_unit(&format!("{name} {value:.0}"), unit);
     }
     let digits = if std > 0.0 { (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 };
-    format!("{name} {value:.digits$} +- {std:.digits$}{unit}")
+    with_unit(&format!("{name} {value:.digits$} +- {std:.digits$}"), unit)
 }
 
 /// What the evidence of a candidate is.

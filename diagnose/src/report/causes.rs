@@ -96,10 +96,7 @@ fn put_in(effects: &[Blamed], robot: &Robot, files: Files) -> Vec<String> {
         format!("{} belongs to the cameras: calibrate them anew with `raven-calibrate cameras`, then register them.", name(effect))
     });
     let mut steps: Vec<String> = calibrated.collect();
-    let is_listed = |effect: &&Blamed| {
-        let (id, joint) = (effect.id, effect.joint.as_deref());
-        Sited::all(robot).iter().any(|sited| sited.effect.id == id && sited.joint(robot).as_deref() == joint && sited.is_listed(robot))
-    };
+    let is_listed = |effect: &&Blamed| Sited::at(robot, effect.id, effect.joint.as_deref()).is_ok_and(|sited| sited.is_listed(robot));
     let (listed, robots): (Vec<&Blamed>, Vec<&Blamed>) = robots.into_iter().partition(is_listed);
     steps.extend(listed.iter().map(|effect| {
         format!("The robot file lists {} already, and what is named is beside that: change its values in the list.", name(effect))

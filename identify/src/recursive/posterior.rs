@@ -115,14 +115,8 @@ mod tests {
     fn what_neighbours_share_makes_unknowns_less_sure_and_not_the_priors_of_those_that_are_held() {
         // The second is known to 0.3 and takes 0.3 of what the third, which nothing is known of, is off.
         let covariance = DMatrix::from_row_slice(3, 3, &[0.04, 0.0, 0.0, 0.0, 0.18, 0.3, 0.0, 0.3, 1.0]);
-        let posterior = Posterior::new(DVector::from_vec(vec![0.2, 0.5, 1.0]), covariance);
-        let held = |tempering: f64| {
-            Posterior { z: posterior.z.clone(), covariance: posterior.covariance.clone(), held: vec![false; 3] }.held_at_priors(
-                &[true; 3],
-                &[],
-                tempering,
-            )
-        };
+        let z = DVector::from_vec(vec![0.2, 0.5, 1.0]);
+        let held = |tempering: f64| Posterior::new(z.clone(), covariance.clone()).held_at_priors(&[true; 3], &[], tempering);
         let sure = held(2.0);
         assert_eq!(sure.held, [false, false, true]);
         assert_relative_eq!(sure.z[1], 0.2, epsilon = 1e-12);

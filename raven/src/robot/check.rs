@@ -197,6 +197,7 @@ fn within(key: &str, value: f64, [low, high]: [f64; 2], unit: &str, meant: &str)
 }
 
 /// Numbers with their unit, where they have one: that of a ratio is `1`.
-pub(crate) fn with_unit(numbers: &str, unit: &str) -> String {
+#[must_use]
+pub fn with_unit(numbers: &str, unit: &str) -> String {
     if unit == "1" { numbers.to_owned() } else { format!("{numbers} {unit}") }
 }

@@ -18,7 +18,7 @@ mod transmission;
 mod write;
 
 pub use cable::Cable;
-pub(crate) use check::with_unit;
+pub use check::with_unit;
 pub use dynamics::{Link, LinkDynamics};
 pub use file::{
     Coupling, Encoder, Joint, JointType, KinematicsKind, Motor, Observation, POSE_COVARIANCE, Provenance, Robot, Source, SourceFormat,

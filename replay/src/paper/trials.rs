@@ -182,15 +182,8 @@ mod tests {
     #[test]
     fn improvements_of_the_papers_table_follow_from_its_means() {
         let improvement = |before: f64, after: f64| {
-            let rms: [f64; 5] = std::array::from_fn(|k| {
-                if k == BELIEVED {
-                    before
-                } else if k == FILTER {
-                    after
-                } else {
-                    0.0
-                }
-            });
+            let mut rms = [0.0; 5];
+            (rms[BELIEVED], rms[FILTER]) = (before, after);
             Summary::new("joint".to_owned(), "deg", &[1.0], &[rms]).improvement_percent
         };
         assert!((improvement(1.3051, 0.7419) - 43.15).abs() < 0.01);
