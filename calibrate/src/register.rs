@@ -11,6 +11,7 @@ use clap::Args;
 use nalgebra::Matrix3;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
+use raven::log::{Moments, MotorSource, Recording};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 use raven_track::appearance::{Appearance, number};
@@ -82,8 +83,11 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     let recordings = || args.motion.iter().chain([&args.log, &args.robot]);
     files::apart(recordings(), &[("-o", args.output.as_deref()), ("--json", args.json.as_deref())])?;
     files::apart([&args.cameras], &[("--json", args.json.as_deref())])?;
-    files::distinct(&args.motion)?;
     let robot = Robot::read(&args.robot)?;
+    if args.motion.len() > 1 {
+        let read = |log: &PathBuf| Recording::read(log, &MotorSource::from(&robot));
+        Moments::distinct(&args.motion.iter().map(read).collect::<Result<Vec<_>>>()?)?;
+    }
     let mut cameras = Cameras::read(&args.cameras)?;
     let marker = args.appearance.marker(Centre::Ball);
     // What these were is found out anew where something moves.

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::Recording;
+use raven::log::{Moments, Recording};
 use raven::robot::{PAUSE_MAX_S, Robot};
 use raven::{Error, Result, files};
 
@@ -104,15 +104,14 @@ pub fn when_told(log: &Path, nominal: &Nominal, effects: &[(&str, Option<&str>)]
 pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     let inputs = args.logs.iter().chain(&args.beside).chain(&args.against).chain(&args.cameras).chain([&args.robot]);
     files::apart(inputs, &[("--json", args.json.as_deref()), ("--html", args.html.as_deref())])?;
-    files::distinct(&args.logs.iter().chain(&args.beside).collect::<Vec<_>>())?;
     args.html.as_deref().map_or(Ok(()), files::no_stream)?;
     let robot = Robot::read(&args.robot)?;
     let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
-    let recordings = read(&args.logs, &robot)?;
+    let [recordings, beside] = [read(&args.logs, &robot)?, read(&args.beside, &robot)?];
+    Moments::distinct(recordings.iter().chain(&beside))?;
     let nominal = Nominal::new(&robot, cameras.as_ref());
     let begun = begun(&nominal, &recordings)?;
     let residuals = channels(&robot, &recordings, &begun)?;
-    let beside = read(&args.beside, &robot)?;
     let file = RobotFile { file: args.robot.display().to_string(), sha256: files::sha256(&args.robot)? };
     let mut report = Report::new(&robot, file, &residuals);
     report.recordings = names(&args.logs);

@@ -42,7 +42,7 @@ use problem::Problem;
 use raven::camera::{Cameras, Quality};
 use raven::cli::{self, Outcome};
 use raven::robot::Robot;
-use raven::{Error, Result, files};
+use raven::{Error, Result};
 use recording::Recordings;
 use registration::Registration;
 use report::Report;
@@ -73,7 +73,6 @@ fn identify(args: &args::Identify, out: &mut dyn Write) -> Result<Outcome> {
     let quality = cameras.as_ref().map_or_else(Quality::default, |cameras| cameras.quality);
     let mut unknowns = priors::unknowns(&robot, &selection, &quality)?;
     args.plots(&unknowns)?;
-    files::distinct(args.logs()?)?;
     let recordings = {
         let spinner = cli::spinner("reading logs");
         let recordings = Recordings::read(args.logs()?, &robot, cameras.as_ref().zip(args.cameras.as_deref()));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use raven::camera::Cameras;
-use raven::log::{Recording, TipObservation};
+use raven::log::{Moments, Recording, TipObservation};
 use raven::observation::TipCorrection;
 use raven::robot::{JointType, Robot};
 use raven::{Error, Result, files};
@@ -45,8 +45,11 @@ impl Recordings {
     /// sightings are left, or if the robot did not move away from its hard stop in any of them.
     pub fn read(paths: &[impl AsRef<Path>], robot: &Robot, cameras: Option<(&Cameras, &Path)>) -> Result<Self> {
         let mut all = Self::default();
+        let mut moments = Moments::default();
         for path in paths {
-            all.add(path.as_ref(), robot, cameras)?;
+            let recording = Recording::of_robot(path.as_ref(), robot)?;
+            moments = moments.with(&recording)?;
+            all.add(&recording, robot, cameras)?;
         }
         let sightings: usize = all.sessions.iter().map(|s| s.sightings.len()).sum();
         if sightings < SIGHTINGS_MIN {
@@ -64,9 +67,9 @@ impl Recordings {
         self.sessions.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
-    fn add(&mut self, path: &Path, robot: &Robot, cameras: Option<(&Cameras, &Path)>) -> Result<()> {
-        let recording = Recording::of_robot(path, robot)?;
-        self.doubts.extend(Cameras::doubts(cameras, robot, &recording)?);
+    fn add(&mut self, recording: &Recording, robot: &Robot, cameras: Option<(&Cameras, &Path)>) -> Result<()> {
+        let path = recording.path.as_path();
+        self.doubts.extend(Cameras::doubts(cameras, robot, recording)?);
         let motion = Motion::new(recording.motor_track()?, recording.require_motor()?.longest_joined_s())
             .ok_or_else(|| Error::file(path, "the log has a single robot message; an estimate needs a motion."))?;
         recording.require_tip()?;
@@ -104,7 +107,7 @@ impl Recordings {
             self.lost.push(format!("{name}: {without_covariance} sightings whose covariance is none were left out."));
         }
         self.duration_s += recording.duration_s;
-        self.tracked.push(Cameras::of_tracked(&recording));
+        self.tracked.push(Cameras::of_tracked(recording));
         self.sessions.push(Session { name, sha256: files::sha256(path)?, motion, sightings });
         Ok(())
     }

@@ -195,23 +195,6 @@ fn place(path: &Path) -> PathBuf {
     path.canonicalize().ok().or_else(beside).unwrap_or(path)
 }
 
-/// Refuses a recording that is given twice: it would count as two.
-///
-/// # Errors
-/// If two of the files have the same contents, or cannot be read.
-pub fn distinct<P: AsRef<Path>>(recordings: &[P]) -> Result<()> {
-    let size = |path: &Path| path.metadata().map(|there| there.len()).ok();
-    for (k, one) in recordings.iter().map(AsRef::as_ref).enumerate() {
-        for other in recordings[..k].iter().map(AsRef::as_ref) {
-            if size(one).is_some() && size(one) == size(other) && sha256(one)? == sha256(other)? {
-                let sentence = format!("this is the same recording as {} and would count twice; leave one away.", other.display());
-                return Err(Error::file(one, sentence));
-            }
-        }
-    }
-    Ok(())
-}
-
 /// SHA-256 of bytes, in lower-case hexadecimal.
 #[must_use]
 pub fn sha256_of(bytes: &[u8]) -> String {
@@ -307,11 +290,6 @@ mod tests {
         write_atomic(&log, b"\x89MCAP0\r\n").unwrap();
         assert!(write_atomic(&again, b"{}").unwrap_err().to_string().contains("never written over"));
         let other = folder.path().join("b.mcap");
-        std::fs::copy(&log, &other).unwrap();
-        assert!(distinct(&[&log, &other]).unwrap_err().to_string().contains("count twice"));
-        std::fs::write(&other, b"\x89MCAP0\r\r").unwrap();
-        distinct(&[&log, &other]).unwrap();
-        std::fs::remove_file(&other).unwrap();
         onto(Some(&other)).and_then(|()| unused(&other)).unwrap();
     }
 

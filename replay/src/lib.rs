@@ -15,7 +15,7 @@ use std::time::Instant;
 use clap::{Parser, Subcommand, ValueEnum};
 use raven::camera::Cameras;
 use raven::cli::{self, Outcome};
-use raven::log::{CAMERAS_FILE, LogWriter, Recording};
+use raven::log::{CAMERAS_FILE, LogWriter, Moments, Recording};
 use raven::robot::Robot;
 use raven::{Error, Result, files};
 
@@ -125,13 +125,14 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
             return Err(Error::Argument(format!("{option} takes the estimates of one log; give one log or leave {option} away.")));
         }
     }
-    files::distinct(&args.logs)?;
     let settings = Settings { filter: args.filter, occlude: args.occlude, occlusion: args.occlusion, tuning: None };
     let bar = cli::progress(args.logs.len() as u64, "replaying");
     let mut errors: [Vec<JointErrors>; 3] = Default::default();
     let mut summaries = Vec::new();
+    let mut moments = Moments::default();
     for path in &args.logs {
         let recording = Recording::of_robot(path, &robot)?;
+        moments = moments.with(&recording)?;
         let doubts = Cameras::doubts(cameras.as_ref().map(|(path, cameras)| (cameras, *path)), &robot, &recording)?;
         doubts.into_iter().chain(Cameras::latency_counts_twice(&robot, &recording)).for_each(|sentence| cli::warn(&sentence));
         let (estimates, filter) = estimate::estimate(&recording, &robot, &settings)?;

@@ -21,7 +21,11 @@ fn other_recordings_of_a_rig_say_how_far_it_is_off() {
     record(folder.path(), "{tuesday.mcap}", "fls2", &["--effect", "pulley-radius:elbow=0.05"]);
     let words = ["{today.mcap}", "--robot", "{robot.yaml}", "--cameras", "{cameras.yaml}", "--json", "{report.json}"];
     // One that says nothing of the rig does not keep the others from it.
-    typed(folder.path(), raven_capture::run, &["cut", "{monday.mcap}", "--from", "0", "--to", "3", "-o", "{short.mcap}"]).unwrap();
+    record(folder.path(), "{wednesday.mcap}", "sinusoid", &[]);
+    let cut = |log: &str, to_s: &str, part: &str| {
+        typed(folder.path(), raven_capture::run, &["cut", log, "--from", "0", "--to", to_s, "-o", part]).unwrap();
+    };
+    cut("{wednesday.mcap}", "3", "{short.mcap}");
     let beside = ["--beside", "{monday.mcap}", "{short.mcap}", "{tuesday.mcap}"];
     let (_, printed) = typed(folder.path(), raven_diagnose::run, &[&words[..], &beside].concat()).unwrap();
     let report = json(folder.path(), "report.json");
@@ -30,9 +34,12 @@ fn other_recordings_of_a_rig_say_how_far_it_is_off() {
     let part = |kind: &str| report["tolerance_parts"][kind].as_f64().unwrap_or_else(|| panic!("{kind}: {:#}", report["tolerance_parts"]));
     assert!(part("pulley-radius") < 0.9 && part("camera-translation") < 0.9, "{:#}", report["tolerance_parts"]);
     assert!(printed.contains("these parts of the file's tolerances count: cable-coupling "), "{printed}");
-    let twice = [&words[..], &["--beside", "{today.mcap}"]].concat();
-    let refused = typed(folder.path(), raven_diagnose::run, &twice).unwrap_err();
-    assert!(refused.contains("is the same recording as"), "{refused}");
+    cut("{today.mcap}", "8", "{part.mcap}");
+    for again in ["{today.mcap}", "{part.mcap}"] {
+        let twice = [&words[..], &["--beside", again]].concat();
+        let refused = typed(folder.path(), raven_diagnose::run, &twice).unwrap_err();
+        assert!(refused.contains("are in ") && refused.contains("would count twice"), "{refused}");
+    }
 }
 
 #[test]

@@ -140,18 +140,23 @@ fn candidates(fitter: &Fitter, outcome: &Outcome, probabilities: &[(Vec<usize>, 
     // What was fitted and is not worth naming was looked at as well.
     let spurious = || outcome.spurious.iter().map(|(effects, evidence)| (effects, *evidence));
     let none = outcome.fitted.get([].as_slice()).map_or(0.0, |(_, evidence)| *evidence);
-    let best_with = |effect: usize| {
-        let with = outcome.known().chain(spurious()).filter(|(set, _)| set.contains(&effect));
-        with.map(|(_, evidence)| evidence).fold(f64::NEG_INFINITY, f64::max)
+    let best = |all: &mut dyn Iterator<Item = (&Vec<usize>, f64)>, effect: usize| {
+        let with = all.filter(|(set, _)| set.contains(&effect));
+        with.map(|(_, evidence)| evidence - none).fold(f64::NEG_INFINITY, f64::max)
     };
     let of_effect = |(effect, sited): (usize, &Sited)| {
-        let evidence_nats = best_with(effect) - none;
-        let candidate =
-            Candidate { id: sited.effect.id, joint: sited.joint(fitter.rows.robot()), probability: with(effect), evidence_nats };
-        evidence_nats.is_finite().then_some(candidate)
+        let [known, aside] = [best(&mut outcome.known(), effect), best(&mut spurious(), effect)];
+        let candidate = Candidate {
+            id: sited.effect.id,
+            joint: sited.joint(fitter.rows.robot()),
+            probability: with(effect),
+            evidence_nats: known.max(aside),
+            set_aside: aside > known,
+        };
+        candidate.evidence_nats.is_finite().then_some(candidate)
     };
     let mut all: Vec<Candidate> = fitter.coordinates.sited.iter().enumerate().filter_map(of_effect).collect();
-    all.push(Candidate { id: NONE, joint: None, probability: probability_of_none(probabilities), evidence_nats: 0.0 });
+    all.push(Candidate { id: NONE, joint: None, probability: probability_of_none(probabilities), evidence_nats: 0.0, set_aside: false });
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability).then(b.evidence_nats.total_cmp(&a.evidence_nats)));
     all
 }

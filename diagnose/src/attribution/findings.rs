@@ -158,6 +158,9 @@ pub struct Candidate {
     pub probability: f64,
     /// The best evidence with it, above that of no effect [nat].
     pub evidence_nats: f64,
+    /// Whether that is set aside: its size is not beyond what sizes scatter by, or what it explains does not matter beside what others do.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub set_aside: bool,
 }
 
 /// An effect that cannot show.

@@ -23,7 +23,7 @@ pub use fitness::{check_bench_fitness, check_fitness};
 pub use remaining::{Remaining, Run};
 pub use ties::Tied;
 pub use verdict::Word;
-pub use words::{EVIDENCE_IS, at, off, percent, sentence, size, tied, together, words};
+pub use words::{EVIDENCE_IS, SET_ASIDE_IS, at, off, percent, sentence, size, tied, together, words};
 
 use raven::Result;
 use raven::camera::Cameras;

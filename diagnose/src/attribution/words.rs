@@ -183,6 +183,9 @@ pub fn number(estimate: &Estimate) -> String {
 /// What the evidence of a candidate is.
 pub const EVIDENCE_IS: &str = "Evidence is that of the best hypothesis with the candidate, whatever else it holds, beyond none's.";
 
+/// What it means that a candidate is set aside.
+pub const SET_ASIDE_IS: &str = "What is set aside explains no more than comes about by chance, or nothing that matters beside the others.";
+
 /// The smallest size of an effect that would have been named: `0.62 %`, `0.12 deg`, `factor 1.8`.
 #[must_use]
 pub fn size(least: &Detectable) -> String {
@@ -215,7 +218,11 @@ pub fn words(attribution: &Attribution) -> String {
     let _ = writeln!(text, "\n{:<24} {:<20} {:>11} {:>13}", "candidate", "joint", "probability", "evidence/nats");
     for candidate in attribution.candidates.iter().take(SHOWN) {
         let joint = candidate.joint.as_deref().unwrap_or("");
-        let _ = writeln!(text, "{:<24} {joint:<20} {:>11.3} {:>13.1}", candidate.id, candidate.probability, candidate.evidence_nats);
+        let aside = if candidate.set_aside { "  set aside" } else { "" };
+        let _ = writeln!(text, "{:<24} {joint:<20} {:>11.3} {:>13.1}{aside}", candidate.id, candidate.probability, candidate.evidence_nats);
+    }
+    if attribution.candidates.iter().take(SHOWN).any(|candidate| candidate.set_aside) {
+        let _ = writeln!(text, "{SET_ASIDE_IS}");
     }
     if attribution.effects.len() > 1 {
         let lost = |blamed: &Blamed| format!("{:.1} without {}", blamed.evidence_nats, at(blamed.id, blamed.joint.as_deref()));
@@ -348,7 +355,7 @@ mod tests {
             parameters: vec![estimate("offset", -0.00309, 0.00032, "m", false)],
             ties: vec![tie],
         };
-        let candidate = |id, joint, probability| Candidate { id, joint, probability, evidence_nats: 20.0 };
+        let candidate = |id, joint, probability| Candidate { id, joint, probability, evidence_nats: 20.0, set_aside: false };
         let gap = Closure {
             channel: "insertion torque".to_owned(),
             unit: "N m",

@@ -7,7 +7,7 @@ use raven::effects::{Effect, Home, Sited, at_place};
 use raven::robot::Robot;
 
 use super::{Candidate, Detectable, GapBar, Page, remaining};
-use crate::attribution::{Attribution, Blamed, FileNumber, Remaining, Side, at, off, sentence, size, tied, together};
+use crate::attribution::{Attribution, Blamed, FileNumber, Remaining, Side, Word, at, off, sentence, size, tied, together};
 
 /// Files of a diagnosis, as they were typed.
 #[derive(Debug, Clone, Copy)]
@@ -46,6 +46,7 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
         evidence_nats: candidate.evidence_nats,
         parameters: blamed(candidate).map_or_else(Vec::new, |effect| effect.numbers()),
         chosen: blamed(candidate).is_some(),
+        set_aside: candidate.set_aside,
     };
     page.candidates = attribution.candidates.iter().map(shown).collect();
     for effect in &attribution.effects {
@@ -56,6 +57,7 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
         }
     }
     page.next_steps.extend(match attribution.side {
+        None if attribution.effects.is_empty() => nothing_named(attribution.verdict).map(str::to_owned).into_iter().collect(),
         None => put_in(&attribution.effects, robot, files),
         Some(side) => change_simulation(side, &attribution.effects),
     });
@@ -66,6 +68,21 @@ pub fn add_causes(page: &mut Page, attribution: &Attribution, robot: &Robot, fil
     page.detectable =
         detectable.map(|least| Detectable { effect: least.id.to_owned(), joint: least.joint.clone(), size: size(least) }).collect();
     page.not_observable = attribution.not_observable.iter().map(|none| (none.id.to_owned(), none.because.clone())).collect();
+}
+
+/// What helps where nothing is named.
+fn nothing_named(verdict: Word) -> Option<&'static str> {
+    match verdict {
+        Word::None => Some(
+            "Nothing has to be added to the robot file. Where a simulation with it goes astray all the same, record the motion in which it does: what \
+             a motion does not turn or load cannot show in it, and what could have been seen in these recordings is listed below.",
+        ),
+        Word::Unexplained => Some(
+            "Record the same motion again and look where the gap lies then: what is there in the same places is the robot's, and what is not came \
+             with that day's cables, cameras or hands.",
+        ),
+        Word::Explained | Word::PartlyExplained => None,
+    }
 }
 
 /// What brings a simulation closer to the robot.

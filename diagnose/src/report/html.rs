@@ -4,7 +4,7 @@ use raven::plot::page::document;
 use raven::plot::svg::{escape, figure};
 
 use super::{Candidate, Page, bars, traces};
-use crate::attribution::{EVIDENCE_IS, NONE};
+use crate::attribution::{EVIDENCE_IS, NONE, SET_ASIDE_IS};
 use crate::gap::{LONG_HORIZONS, MotorMotion, driven_by};
 
 /// Candidates listed.
@@ -101,16 +101,21 @@ fn candidates(candidates: &[Candidate]) -> String {
             escape(&c.effect),
             escape(c.joint.as_deref().unwrap_or(if c.effect == NONE { "" } else { WHOLE })),
             c.evidence_nats,
-            escape(&c.parameters.iter().chain(&c.together).map(String::as_str).collect::<Vec<_>>().join(", "))
+            if c.set_aside {
+                "set aside".to_owned()
+            } else {
+                escape(&c.parameters.iter().chain(&c.together).map(String::as_str).collect::<Vec<_>>().join(", "))
+            }
         )
     };
     let rows: String = candidates.iter().take(CANDIDATES).map(row).collect();
     let rest = candidates.len().saturating_sub(CANDIDATES);
+    let aside = if candidates.iter().take(CANDIDATES).any(|c| c.set_aside) { format!(" {SET_ASIDE_IS}") } else { String::new() };
     let more = if rest > 0 { format!("<p class=\"small\">{rest} more are less likely.</p>") } else { String::new() };
     format!(
         "<table>\n<thead><tr><th scope=\"col\">effect</th><th scope=\"col\">joint</th><th scope=\"col\" colspan=\"2\">probability</th>\
          <th scope=\"col\" class=\"n\">evidence [nat]</th><th scope=\"col\">numbers</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>{more}\n\
-         <p class=\"small\">{EVIDENCE_IS}</p>"
+         <p class=\"small\">{EVIDENCE_IS}{aside}</p>"
     )
 }
 

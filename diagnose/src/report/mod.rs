@@ -92,6 +92,8 @@ pub struct Candidate {
     pub parameters: Vec<String>,
     /// Whether the verdict takes it for a cause.
     pub chosen: bool,
+    /// Whether its evidence is set aside.
+    pub set_aside: bool,
 }
 
 /// Residuals of one channel over time.

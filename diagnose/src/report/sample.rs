@@ -23,6 +23,7 @@ pub fn sample() -> Page {
         evidence_nats,
         parameters: if chosen { vec!["relative_error -0.0518 +- 0.0004".to_owned()] } else { Vec::new() },
         chosen,
+        set_aside: false,
     };
     let trace = |channel: &str, unit: &str, size: f64| {
         let time_s: Vec<f64> = (0..1100).map(|k| f64::from(k) / 15.0).filter(|t| !(40.0..43.0).contains(t)).collect();
