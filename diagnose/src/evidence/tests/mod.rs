@@ -360,6 +360,25 @@ fn what_others_came_to_before_an_effect_was_told_is_not_lost() {
 }
 
 #[test]
+fn what_a_fit_by_settled_links_stops_short_of_is_no_gain_of_what_is_told() {
+    // Friction within its tolerance does what a payload would; settled links have it the wrong way round.
+    let effects = [("payload", [0, 0]), ("link-coulomb-friction", [1, 0])];
+    let rows = Seen::new(&effects, |numbers: &[Option<&[f64]>], links| {
+        let [loaded, rubs] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+        let rubs = if links == Links::RolledOut { rubs } else { -rubs };
+        tips(|k| k.sin() * (0.1 - rubs - loaded))
+    });
+    let coordinates = Coordinates::new(&rows.robot, &rows);
+    let fitter = Fitter::new(&rows, &coordinates);
+    let payload = rows.effect(&coordinates, 0);
+    let none = fitter.fit(&[], &fitter.nowhere(), None).unwrap().unwrap();
+    let told = fitter.fit(&[payload], &fitter.nowhere(), Some(&none)).unwrap().unwrap();
+    assert!(told.evidence - none.evidence > 3.0, "{} and {}", told.evidence, none.evidence);
+    let (_, gain) = fitter.told(&[payload]).unwrap().unwrap();
+    assert!(gain < 0.5, "{gain}");
+}
+
+#[test]
 fn what_is_told_is_looked_for_from_every_start() {
     // A cable that is straight but for a stiffening of one and a half slabs, and elsewhere nothing leads there.
     let rows = Seen::new(&[("cable-stiffening", [1, 0])], |numbers: &[Option<&[f64]>], _| {
