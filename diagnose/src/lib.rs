@@ -121,8 +121,8 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     report.has_images = !is_bench && recordings.iter().any(|recording| recording.frame_interval_s.is_some());
     report.lost = recordings.iter().flat_map(lost).collect();
     report.warnings = doubts(&robot, cameras.as_ref().zip(args.cameras.as_deref()), recordings.iter().chain(&beside))?;
-    if let Some(path) = args.cameras.as_deref().filter(|_| is_bench) {
-        report.warnings.push(format!("{} counts for nothing: robot `{}` is a bench, which no camera sees.", path.display(), robot.name));
+    if is_bench {
+        report.warnings.extend(of_no_bench(&robot, args.cameras.as_deref()));
     }
     report.warnings.iter().for_each(|sentence| cli::warn(sentence));
     let held = Held { recordings, begun, residuals, simulated: None };
@@ -154,6 +154,17 @@ pub fn run(args: Args, out: &mut dyn Write) -> Result<Outcome> {
     }
     report.lost.iter().for_each(|sentence| cli::warn(sentence));
     Ok(Outcome::Done)
+}
+
+/// What is given of a bench that counts for nothing, in sentences.
+fn of_no_bench(bench: &Robot, cameras: Option<&Path>) -> Vec<String> {
+    let name = &bench.name;
+    let cameras = cameras.map(|path| format!("{} counts for nothing: robot `{name}` is a bench, which no camera sees.", path.display()));
+    let is_coupled = bench.cable_coupling.iter().any(|coupling| coupling.coefficient != 0.0);
+    let coupling = is_coupled.then(|| {
+        format!("cable_coupling counts for nothing: robot `{name}` is a bench, none of whose joints moves another's cable; set it to 0.")
+    });
+    cameras.into_iter().chain(coupling).collect()
 }
 
 fn read(logs: &[PathBuf], robot: &Robot) -> Result<Vec<Recording>> {
@@ -290,6 +301,14 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
+
+    #[test]
+    fn what_a_bench_has_nothing_to_do_with_is_told() {
+        let mut bench = raven::robot::nominal::gold();
+        assert_eq!(of_no_bench(&bench, Some(Path::new("cameras.yaml"))).len(), 2);
+        bench.cable_coupling.iter_mut().for_each(|coupling| coupling.coefficient = 0.0);
+        assert_eq!(of_no_bench(&bench, None), [""; 0]);
+    }
 
     #[test]
     fn what_could_not_be_used_is_told() {

@@ -18,7 +18,7 @@ use raven::{Error, Result};
 
 use crate::batch::{Cauchy, Estimate, IDENTIFIED_BELOW, Residuals};
 use crate::problem::Problem;
-use crate::recursive::{self, Sharing, Trace};
+use crate::recursive::{Passed, Sharing, Trace};
 
 /// Part of what is possible within the tolerances among which the file must be.
 const POSSIBLE: f64 = 0.99;
@@ -42,43 +42,69 @@ pub struct Fit<'a> {
 /// If the model cannot be evaluated or the estimation within the tolerances does not settle.
 pub fn fit(problem: Problem<'_>, sharing: Option<Sharing>) -> Result<Fit<'_>> {
     let mut within = problem.clone().with_tolerances()?;
-    let (found, trace) = estimate(&mut within, sharing, &[])?;
-    let unknowns = problem.unknowns();
+    let (found, trace) = Settled::of(&mut within, sharing)?.estimate(&mut within, &[])?;
+    if let Some(fit) = as_filed(problem, sharing, &within, &found)? {
+        return Ok(fit);
+    }
+    Ok(Fit { problem: within, estimate: found, trace, as_filed: false })
+}
+
+/// The fit of the file as it is; `None` where it does not settle, or is not among what the other one, within the tolerances, holds for possible.
+fn as_filed<'a>(mut filed: Problem<'a>, sharing: Option<Sharing>, within: &Problem<'a>, found: &Estimate) -> Result<Option<Fit<'a>>> {
+    let settled = match Settled::of(&mut filed, sharing) {
+        // What is off by much is fitted by nothing before that is free.
+        Err(Error::Unsettled { .. }) => return Ok(None),
+        settled => settled?,
+    };
+    let unknowns = within.unknowns();
     let mut held: Vec<usize> = Vec::new();
     loop {
-        let mut filed = problem.clone();
-        let (of_file, trace_of_file) = match estimate(&mut filed, sharing, &held) {
-            // What is off by much is fitted by nothing before that is free.
-            Err(Error::Unsettled { .. }) => break,
+        let (of_file, trace) = match settled.estimate(&mut filed, &held) {
+            Err(Error::Unsettled { .. }) => return Ok(None),
             of_file => of_file?,
         };
         let mut z = DVector::zeros(found.z.len());
         z.rows_mut(0, of_file.z.len()).copy_from(&of_file.z);
-        if !is_possible(&within, &found, &z)? {
-            break;
+        if !is_possible(within, found, &z)? {
+            return Ok(None);
         }
-        let estimate = claimed(of_file, &found, z);
+        let estimate = claimed(of_file, found, z);
         let is_of_controller = |k: &usize| unknowns[*k].quantity.is_of_controller();
         let has_moved = |k: &usize| is_of_controller(k) && !estimate.identified[*k] && estimate.z[*k] != 0.0;
         match (0..unknowns.len()).filter(has_moved).max_by(|&a, &b| estimate.std[a].total_cmp(&estimate.std[b])) {
             Some(worst) => held.push(worst),
             None => {
-                let problem = filed.with_tolerances_of(&within, &estimate.z)?;
-                return Ok(Fit { problem, estimate, trace: trace_of_file, as_filed: true });
+                let problem = filed.with_tolerances_of(within, &estimate.z)?;
+                return Ok(Some(Fit { problem, estimate, trace, as_filed: true }));
             }
         }
     }
-    Ok(Fit { problem: within, estimate: found, trace, as_filed: false })
 }
 
-fn estimate(problem: &mut Problem, sharing: Option<Sharing>, held: &[usize]) -> Result<(Estimate, Option<Trace>)> {
-    Ok(match sharing {
-        None => (problem.estimate_with(held)?, None),
-        Some(sharing) => {
-            let (estimate, trace) = recursive::estimate(problem, sharing, held)?;
-            (estimate, Some(trace))
-        }
-    })
+/// Where a fit comes to before anything is held, by batch or recursively.
+enum Settled {
+    Batch(DVector<f64>),
+    Recursive(Passed),
+}
+
+impl Settled {
+    fn of(problem: &mut Problem, sharing: Option<Sharing>) -> Result<Self> {
+        Ok(match sharing {
+            None => Self::Batch(problem.settled()?),
+            Some(sharing) => Self::Recursive(Passed::over(problem, sharing)?),
+        })
+    }
+
+    /// The estimate with some unknowns at their prior, and what a recursive method believed after every sighting.
+    fn estimate(&self, problem: &mut Problem, held: &[usize]) -> Result<(Estimate, Option<Trace>)> {
+        Ok(match self {
+            Self::Batch(z) => (problem.estimate_from(z, held)?, None),
+            Self::Recursive(passed) => {
+                let (estimate, trace) = passed.estimate(problem, held)?;
+                (estimate, Some(trace))
+            }
+        })
+    }
 }
 
 fn is_possible(within: &Problem, found: &Estimate, z: &DVector<f64>) -> Result<bool> {

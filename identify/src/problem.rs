@@ -168,15 +168,26 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the estimation does not settle.
     pub fn estimate(&mut self) -> Result<Estimate> {
-        self.estimate_with(&[])
+        let z = self.settled()?;
+        self.estimate_from(&z, &[])
     }
 
-    /// The same with some unknowns at their prior whatever the logs say.
+    /// The most probable values, with the misfit that goes with them, before anything is held.
     ///
     /// # Errors
     /// If the estimation does not settle.
-    pub(crate) fn estimate_with(&mut self, held: &[usize]) -> Result<Estimate> {
-        self.estimate_holding(&self.may_hold(), held)
+    pub(crate) fn settled(&mut self) -> Result<DVector<f64>> {
+        let mut z = self.fitted()?;
+        self.turn_over_held(&mut z)?;
+        Ok(z)
+    }
+
+    /// The estimate from values that are [settled](Self::settled), with some unknowns at their prior whatever the logs say.
+    ///
+    /// # Errors
+    /// If the estimation does not settle.
+    pub(crate) fn estimate_from(&self, settled: &DVector<f64>, held: &[usize]) -> Result<Estimate> {
+        batch::estimate(self, &self.may_hold(), held, settled)
     }
 
     /// The same with all unknowns at what is most probable, whether or not the logs determine them.
@@ -184,13 +195,8 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// If the estimation does not settle.
     pub fn estimate_all(&mut self) -> Result<Estimate> {
-        self.estimate_holding(&vec![false; Residuals::unknowns(self)], &[])
-    }
-
-    fn estimate_holding(&mut self, may_hold: &[bool], held: &[usize]) -> Result<Estimate> {
-        let mut z = self.fitted()?;
-        self.turn_over_held(&mut z)?;
-        batch::estimate(self, may_hold, held, &z)
+        let z = self.settled()?;
+        batch::estimate(self, &vec![false; Residuals::unknowns(self)], &[], &z)
     }
 
     /// Which unknowns [may be held](crate::parameters::Quantity::may_hold); no flaw may.

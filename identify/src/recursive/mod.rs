@@ -35,25 +35,47 @@ pub enum Sharing {
 /// Pause between sightings [s] after which the links start anew where the cables hold them: long after they forgot where they were.
 const FORGOTTEN_S: f64 = 1.0;
 
-/// Estimates recursively, with those that are `held` at their prior at last whatever the logs say; also what was believed after every sighting.
+/// Estimates recursively; also what was believed after every sighting.
 ///
 /// # Errors
 /// If the model cannot be evaluated at the outcome.
-pub fn estimate(problem: &mut Problem, sharing: Sharing, held: &[usize]) -> Result<(Estimate, Trace)> {
-    let mut run = pass(problem, sharing)?;
-    if problem.is_beside() {
-        // Flaws are those about the first pass's outcome.
-        problem.look_from(&run.posterior.z)?;
-        run = Run { trace: run.trace, ..pass(problem, sharing)? };
+pub fn estimate(problem: &mut Problem, sharing: Sharing) -> Result<(Estimate, Trace)> {
+    Passed::over(problem, sharing)?.estimate(problem, &[])
+}
+
+/// Logs that the filters have gone over, before anything is held.
+pub(crate) struct Passed(Run);
+
+impl Passed {
+    /// Lets the filters go over the logs.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated.
+    pub(crate) fn over(problem: &mut Problem, sharing: Sharing) -> Result<Self> {
+        let mut run = pass(problem, sharing)?;
+        if problem.is_beside() {
+            // Flaws are those about the first pass's outcome.
+            problem.look_from(&run.posterior.z)?;
+            run = Run { trace: run.trace, ..pass(problem, sharing)? };
+        }
+        Ok(Self(run))
     }
-    let tempering = run.scatter.tempering();
-    let posterior = run.posterior.held_at_priors(&problem.may_hold(), held, tempering);
-    problem.adopt(run.scatter.misfit(), &posterior.z)?;
-    let residuals = problem.residuals(&posterior.z)?;
-    let std = posterior.std();
-    let (identified, covariance) = (posterior.identified(&std), posterior.covariance());
-    let estimate = Estimate { z: posterior.z, std, covariance, identified, residuals, scale: 1.0, tempering };
-    Ok((estimate, run.trace.widened(tempering)))
+
+    /// The estimate, with unknowns that are `held` at their prior whatever the logs say.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated at the outcome.
+    pub(crate) fn estimate(&self, problem: &mut Problem, held: &[usize]) -> Result<(Estimate, Trace)> {
+        let Self(Run { posterior, scatter, trace }) = self;
+        let tempering = scatter.tempering();
+        let posterior = posterior.held_at_priors(&problem.may_hold(), held, tempering);
+        problem.adopt(scatter.misfit(), &posterior.z)?;
+        let residuals = problem.residuals(&posterior.z)?;
+        let std = posterior.std();
+        let (identified, covariance) = (posterior.identified(&std), posterior.covariance());
+        let estimate = Estimate { z: posterior.z, std, covariance, identified, residuals, scale: 1.0, tempering };
+        Ok((estimate, trace.widened(tempering)))
+    }
 }
 
 fn pass(problem: &Problem, sharing: Sharing) -> Result<Run> {

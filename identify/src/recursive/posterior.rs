@@ -24,7 +24,7 @@ impl Posterior {
     ///
     /// The rest moves as if the held ones had been known to be there, `z_f - P_fh P_hh^-1 z_h`, and its covariance gains what the prior
     /// deviations of the held ones amount to (consider covariance; Tapley, Schutz, Born 2004, section 6).
-    pub fn held_at_priors(self, may_hold: &[bool], held: &[usize], tempering: f64) -> Self {
+    pub fn held_at_priors(&self, may_hold: &[bool], held: &[usize], tempering: f64) -> Self {
         let n = self.z.len();
         let mut held = held.to_vec();
         loop {

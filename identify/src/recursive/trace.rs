@@ -43,11 +43,12 @@ impl Trace {
     }
 
     /// With deviations for information that was counted `tempering` times too often; never wider than the prior.
-    pub(super) fn widened(mut self, tempering: f64) -> Self {
-        for std in self.points.iter_mut().flat_map(|point| &mut point.std) {
+    pub(super) fn widened(&self, tempering: f64) -> Self {
+        let mut widened = self.clone();
+        for std in widened.points.iter_mut().flat_map(|point| &mut point.std) {
             *std = (*std * tempering.sqrt()).min(1.0);
         }
-        self
+        widened
     }
 
     /// Time from the first sighting until unknown `k` stays within `tolerance` prior deviations of its last value [s].

@@ -13,7 +13,7 @@ const DUAL: Sharing = Sharing::Dual(Horizon::Frame);
 
 fn recursively(case: &Case, sharing: Sharing, sessions: &[raven_identify::session::Session]) -> (Estimate, Trace) {
     let mut problem = Problem::new(&case.robot, &case.unknowns, sessions).unwrap();
-    recursive::estimate(&mut problem, sharing, &[]).unwrap()
+    recursive::estimate(&mut problem, sharing).unwrap()
 }
 
 fn papers_pulley(case: &Case) -> DVector<f64> {

@@ -128,7 +128,7 @@ fn every_method_finds_what_the_cameras_have_wrong() {
     let [px, std_px, prior_px] = found.disparity_px;
     assert!((px - off[0] * prior_px).abs() < 3.0 * std_px && std_px < 0.2, "{found:?} of {off:?}");
     for sharing in [Sharing::Dual(Horizon::Frame), Sharing::Joint] {
-        let (filtered, _) = recursive::estimate(&mut problem(&case, &sessions), sharing, &[]).unwrap();
+        let (filtered, _) = recursive::estimate(&mut problem(&case, &sessions), sharing).unwrap();
         for k in [case.index("r_l1"), n, n + 1] {
             let apart = (filtered.z[k] - batch.z[k]) / batch.std[k];
             assert!(apart.abs() < 1.0, "{sharing:?}: unknown {k} is {apart:.2} deviations from the batch's");
