@@ -9,10 +9,8 @@
 //! Kinematics of the robot file that are off turn this pose by degrees. It is where [`crate::from_motion`] begins, with nothing known of
 //! the rotation.
 
-use std::path::{Path, PathBuf};
-
 use raven::camera::Cameras;
-use raven::log::{MotorSource, Recording, Side};
+use raven::log::{Recording, Side};
 use raven::robot::Robot;
 use raven::{Error, Result, cli};
 use raven_track::batches;
@@ -47,16 +45,17 @@ pub struct Found {
 ///
 /// # Errors
 /// If a recording lacks motors or a camera, or the motion does not tell the pose: why, and what to do.
-pub fn find(logs: &[PathBuf], robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Found> {
+pub fn find(recordings: Vec<Recording>, robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Found> {
     let mut glimpses = Vec::new();
-    for log in logs {
-        glimpses.extend(look(log, robot, cameras, &marker)?);
+    for recording in &recordings {
+        glimpses.extend(look(recording, robot, cameras, &marker)?);
     }
-    let rough = align(&glimpses).map_err(|why| sentence(logs, &why, glimpses.len()))?;
+    let rough = align(&glimpses).map_err(|why| sentence(recordings.iter(), &why, glimpses.len()))?;
     let mut cameras = Cameras { latency_s: rough.latency_s, right_minus_left_s: 0.0, ..cameras.clone() };
     cameras.base_from_left = Some(rough.base_from_left);
-    let moving: Vec<Moving> = logs.iter().map(|log| Moving::follow(log, robot, &cameras, marker)).collect::<Result<_>>()?;
-    let aligned = realign(logs, robot, &cameras, &moving)?;
+    let follow = |recording| Moving::follow(recording, robot, &cameras, marker);
+    let moving: Vec<Moving> = recordings.into_iter().map(follow).collect::<Result<_>>()?;
+    let aligned = realign(robot, &cameras, &moving)?;
     Ok(Found { moving, aligned })
 }
 
@@ -64,25 +63,24 @@ pub fn find(logs: &[PathBuf], robot: &Robot, cameras: &Cameras, marker: Marker) 
 ///
 /// # Errors
 /// As [`find`].
-pub fn realign(logs: &[PathBuf], robot: &Robot, cameras: &Cameras, moving: &[Moving]) -> Result<Aligned> {
+pub fn realign(robot: &Robot, cameras: &Cameras, moving: &[Moving]) -> Result<Aligned> {
     let right_minus_left_s = from_motion::offset(cameras, moving).right_minus_left_s;
     let mut glimpses = Vec::new();
     for one in moving {
         glimpses.extend(one.glimpses(robot, cameras, right_minus_left_s)?);
     }
-    align(&glimpses).map_err(|why| sentence(logs, &why, glimpses.len()))
+    align(&glimpses).map_err(|why| sentence(moving.iter().map(|one| &one.recording), &why, glimpses.len()))
 }
 
 /// What both cameras saw of the marker's colour and size in pairs of frames all over a recording.
-fn look(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker) -> Result<Vec<Glimpse>> {
-    let recording = Recording::read(log, &MotorSource::from(robot))?;
-    let predictor = Predictor::new(&recording, robot, 0.0)?;
+fn look(recording: &Recording, robot: &Robot, cameras: &Cameras, marker: &Marker) -> Result<Vec<Glimpse>> {
+    let predictor = Predictor::new(recording, robot, 0.0)?;
     let frames = recording.require_images(Side::Left)?.1.max(recording.require_images(Side::Right)?.1) as usize;
-    let pair_within_s = batches::pair_within_s(&recording);
+    let pair_within_s = batches::pair_within_s(recording);
     let stride = frames.div_ceil(PAIRS);
     let bar = cli::progress(frames as u64, "looking for the marker");
     let (mut glimpses, mut pairs) = (Vec::new(), 0);
-    batches::for_each(log, cameras, pair_within_s, |frames| {
+    batches::for_each(&recording.path, cameras, pair_within_s, |frames| {
         let [Some(left), Some(right)] = frames else { return };
         bar.inc(1);
         pairs += 1;
@@ -97,7 +95,7 @@ fn look(log: &Path, robot: &Robot, cameras: &Cameras, marker: &Marker) -> Result
     Ok(glimpses)
 }
 
-fn sentence(logs: &[PathBuf], why: &Unaligned, all: usize) -> Error {
+fn sentence<'r>(mut recordings: impl Iterator<Item = &'r Recording>, why: &Unaligned, all: usize) -> Error {
     let text = match why {
         Unaligned::Few(count) => format!(
             "both cameras saw a ball of the marker's colour and size in {count} pairs of frames while the motors were recorded, too few to tell \
@@ -116,8 +114,8 @@ fn sentence(logs: &[PathBuf], why: &Unaligned, all: usize) -> Error {
              the motors have the tip. Check that the marker is what was seen, the cameras file, and the robot file."
         ),
     };
-    match logs {
-        [log] => Error::file(log, text),
+    match (recordings.next(), recordings.next()) {
+        (Some(only), None) => Error::file(&only.path, text),
         _ => Error::Data(text),
     }
 }

@@ -1,11 +1,9 @@
 //! A moving recording as the registration sees it: the marker followed in both cameras, on one clock, and placed by cameras that are
 //! registered roughly.
 
-use std::path::Path;
-
 use nalgebra::{Isometry3, Matrix2, Point3, Vector2, Vector3};
 use raven::camera::Cameras;
-use raven::log::{MotorSource, Recording, Side};
+use raven::log::{Recording, Side};
 use raven::robot::Robot;
 use raven::{Error, Result, cli, files};
 use raven_identify::motion::Motion;
@@ -31,7 +29,7 @@ const MOTORS_S: f64 = 0.004;
 pub struct Moving {
     name: String,
     sha256: String,
-    recording: Recording,
+    pub(crate) recording: Recording,
     records: [Vec<Record>; 2],
     /// Left frames.
     pub frames: usize,
@@ -52,8 +50,7 @@ impl Moving {
     ///
     /// # Errors
     /// If the recording lacks motors or a camera.
-    pub fn follow(log: &Path, robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Self> {
-        let recording = Recording::read(log, &MotorSource::from(robot))?;
+    pub fn follow(recording: Recording, robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Self> {
         let frames: u64 = Side::BOTH.into_iter().map(|side| Ok(recording.require_images(side)?.1)).sum::<Result<_>>()?;
         let base_from_left =
             cameras.base_from_left.ok_or_else(|| Error::Data("the cameras have no registration to follow the marker by.".to_owned()))?;
@@ -61,7 +58,7 @@ impl Moving {
         let pair_within_s = batches::pair_within_s(&recording);
         let mut tracker = Tracker::new(cameras, base_from_left, &predictor, marker);
         let bar = cli::progress(frames, "following the marker");
-        let counts = batches::for_each_encoded(log, cameras, pair_within_s, |step| {
+        let counts = batches::for_each_encoded(&recording.path, cameras, pair_within_s, |step| {
             tracker.step(step);
             bar.inc(step.iter().flatten().count() as u64);
         })?;

@@ -84,19 +84,19 @@ pub fn run(args: &RegisterArgs, out: &mut dyn Write) -> Result<Outcome> {
     files::apart(recordings(), &[("-o", args.output.as_deref()), ("--json", args.json.as_deref())])?;
     files::apart([&args.cameras], &[("--json", args.json.as_deref())])?;
     let robot = Robot::read(&args.robot)?;
-    if args.motion.len() > 1 {
-        let read = |log: &PathBuf| Recording::read(log, &MotorSource::from(&robot));
-        Moments::distinct(&args.motion.iter().map(read).collect::<Result<Vec<_>>>()?)?;
-    }
     let mut cameras = Cameras::read(&args.cameras)?;
+    let is_alone = mount.is_none() && args.motion.is_empty();
+    let moves = if is_alone { std::slice::from_ref(&args.log) } else { &args.motion };
+    let motion = moves.iter().map(|log| Recording::read(log, &MotorSource::from(&robot))).collect::<Result<Vec<_>>>()?;
+    Moments::distinct(&motion)?;
     let marker = args.appearance.marker(Centre::Ball);
     // What these were is found out anew where something moves.
-    if mount.is_none() || !args.motion.is_empty() {
+    if !motion.is_empty() {
         (cameras.latency_s, cameras.right_minus_left_s) = (0.0, 0.0);
     }
     let Begun { stop, before, moving } = match &mount {
-        Some(mount) => begin(args, &robot, &cameras, marker, mount)?,
-        None => begin_anywhere(args, &robot, &cameras, marker)?,
+        Some(mount) => begin(args, motion, &robot, &cameras, marker, mount)?,
+        None => begin_anywhere((!is_alone).then_some(&args.log), motion, &robot, &cameras, marker)?,
     };
     let lost = stop.iter().map(|stop| stop.lost).chain(moving.iter().map(|moving| moving.lost)).sum::<usize>();
     let mut report = Report::new(stop.as_ref(), &before);
@@ -146,7 +146,7 @@ struct Begun {
 }
 
 /// By the mount's rotation and the hard stop.
-fn begin(args: &RegisterArgs, robot: &Robot, cameras: &Cameras, marker: Marker, mount: &Mount) -> Result<Begun> {
+fn begin(args: &RegisterArgs, motion: Vec<Recording>, robot: &Robot, cameras: &Cameras, marker: Marker, mount: &Mount) -> Result<Begun> {
     let stop = hard_stop::register(&args.log, robot, cameras, &marker, &mount.base_from_left)?;
     let before = Before {
         base_from_left: stop.base_from_left,
@@ -154,16 +154,12 @@ fn begin(args: &RegisterArgs, robot: &Robot, cameras: &Cameras, marker: Marker, 
         translation_std_m: deviations(&stop.covariance),
     };
     let cameras = Cameras { base_from_left: Some(before.base_from_left), ..cameras.clone() };
-    let moving = args.motion.iter().map(|log| Moving::follow(log, robot, &cameras, marker)).collect::<Result<_>>()?;
+    let moving = motion.into_iter().map(|recording| Moving::follow(recording, robot, &cameras, marker)).collect::<Result<_>>()?;
     Ok(Begun { stop: Some(stop), before, moving })
 }
 
 /// By the motion alone, and the hard stop where there is a recording of its own.
-fn begin_anywhere(args: &RegisterArgs, robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Begun> {
-    let (motion, stop) = match args.motion.as_slice() {
-        [] => (std::slice::from_ref(&args.log), None),
-        motion => (motion, Some(&args.log)),
-    };
+fn begin_anywhere(stop: Option<&PathBuf>, motion: Vec<Recording>, robot: &Robot, cameras: &Cameras, marker: Marker) -> Result<Begun> {
     let Found { moving, aligned } = anywhere::find(motion, robot, cameras, marker)?;
     let turn = aligned.base_from_left.rotation.to_rotation_matrix();
     let stop = stop.map(|log| hard_stop::register(log, robot, cameras, &marker, &turn)).transpose()?;

@@ -58,7 +58,7 @@ fn case(seed: u64, effects: &[&str], motion: Motion, duration_s: f64, mount: Mou
     if mount == Mount::Unknown {
         let nowhere = Cameras { base_from_left: None, ..cameras.clone() };
         before = Before {
-            base_from_left: realign(&[path], &robot, &nowhere, &moving).unwrap().base_from_left,
+            base_from_left: realign(&robot, &nowhere, &moving).unwrap().base_from_left,
             rotation_std_rad: [ROTATION_STD_RAD; 3],
             translation_std_m: [TRANSLATION_STD_M; 3],
         };
