@@ -37,7 +37,7 @@ impl Grip {
     #[must_use]
     pub fn friction(&self, anchor: &Vector3<f64>, position: &Vector3<f64>, rate: &Vector3<f64>, limit: &Vector3<f64>) -> Vector3<f64> {
         let bent = self.stiffness.component_mul(&(position - anchor)) + self.damping.component_mul(rate);
-        bent.zip_map(limit, |force: f64, limit| force.min(limit).max(-limit))
+        bent.zip_map(limit, within)
     }
 
     /// Where joints are held that rest at `position` against so much friction [N m, N m, N].
@@ -51,7 +51,14 @@ impl Grip {
     pub fn slid(&self, anchor: &Vector3<f64>, position: &Vector3<f64>, limit: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|j, _| {
             let reach = if self.stiffness[j] > 0.0 { limit[j] / self.stiffness[j] } else { 0.0 };
-            position[j] - (position[j] - anchor[j]).min(reach).max(-reach)
+            position[j] - within(position[j] - anchor[j], reach)
         })
     }
+}
+
+/// A value no farther from zero than `most`. As two comparisons: [`f64::min`] takes care of numbers that are none, for which a step's every stage
+/// would wait, and [`f64::clamp`] panics at a limit that is none.
+fn within(value: f64, most: f64) -> f64 {
+    let below = if value < most { value } else { most };
+    if below > -most { below } else { -most }
 }
