@@ -75,7 +75,7 @@ impl Motion {
     #[must_use]
     pub fn angle_rad(&self, time_s: f64) -> Vector3<f64> {
         let MotorTrack { time_s: times, angle } = &self.track;
-        let after = times.partition_point(|&t| t <= time_s).clamp(1, times.len() - 1);
+        let after = self.track.samples_until(time_s).clamp(1, times.len() - 1);
         let (start, end) = (times[after - 1], times[after]);
         let share = if end > start { ((time_s - start) / (end - start)).clamp(0.0, 1.0) } else { 0.0 };
         angle[after - 1].lerp(&angle[after], share)

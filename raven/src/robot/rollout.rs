@@ -32,7 +32,7 @@ pub const PAUSE_MAX_S: f64 = 0.5;
 /// Half of the window over which a motor's motion is steady [s]: a count of the encoder is then 1e-3 of the slowest speed that matters.
 pub const HALF_WINDOW_S: f64 = 0.02;
 
-/// Samples on either side of where one would be that are looked at first.
+/// Samples next to where one would be that are looked at first.
 const NEAR: usize = 8;
 
 impl MotorTrack {
@@ -68,18 +68,27 @@ impl MotorTrack {
         (inside && self.time_s[start + 1] - self.time_s[start] <= PAUSE_MAX_S).then_some(start)
     }
 
-    /// How many samples there are up to a time. Samples come evenly as a rule: it is looked for about where it would then be.
-    fn samples_until(&self, time_s: f64) -> usize {
+    /// How many samples there are up to a time. Samples come evenly as a rule: it is looked for from where it would then be.
+    #[must_use]
+    pub fn samples_until(&self, time_s: f64) -> usize {
         let is_until = |&t: &f64| t <= time_s;
         let all = self.time_s.as_slice();
         let &[first_s, .., last_s] = all else { return all.partition_point(is_until) };
         let guess = ((time_s - first_s) / (last_s - first_s) * (all.len() - 1) as f64) as usize;
-        let from = guess.saturating_sub(NEAR);
-        let near = all.get(from..guess.saturating_add(NEAR).min(all.len())).unwrap_or_default();
-        match near {
-            [earliest, .., latest] if is_until(earliest) && !is_until(latest) => from + near.partition_point(is_until),
-            _ => all.partition_point(is_until),
+        let mut until = guess.saturating_add(1).min(all.len());
+        for _ in 0..NEAR {
+            if all.get(until).is_some_and(is_until) {
+                until += 1;
+            } else if !is_until(&all[until - 1]) {
+                until -= 1;
+                if until == 0 {
+                    break;
+                }
+            } else {
+                return until;
+            }
         }
+        all.partition_point(is_until)
     }
 
     /// Angle [rad] and velocity [rad/s] at a time; `None` outside the track and in pauses.
