@@ -2,8 +2,7 @@
 
 use super::super::{Amount, Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
-/// link-viscous-friction. A Raven's nominal one is a hundredth of what a joint without any would be given ([`AMOUNT`]): the logarithm of that
-/// amount over it has a root mean square of 4.1.
+/// link-viscous-friction.
 pub const EFFECT: Effect = Effect {
     id: "link-viscous-friction",
     scope: Scope::Joint,
@@ -12,7 +11,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::factor(4.1),
+        scale: Scale::factor(2.5),
         tolerance: Some(|robot, _| robot.tolerances.link_friction),
     }],
     channels: &[Channel::Tip, Channel::Torque],
