@@ -42,8 +42,8 @@ impl Motion {
     #[must_use]
     pub fn part(&self, from_s: f64, to_s: f64) -> MotorTrack {
         let MotorTrack { time_s, angle } = &self.track;
-        let first = time_s.partition_point(|&t| t <= from_s).saturating_sub(1);
-        let end = (time_s.partition_point(|&t| t <= to_s) + 1).clamp(first, time_s.len());
+        let first = self.track.samples_until(from_s).saturating_sub(1);
+        let end = (self.track.samples_until(to_s) + 1).clamp(first, time_s.len());
         MotorTrack { time_s: time_s[first..end].to_vec(), angle: angle[first..end].to_vec() }
     }
 
