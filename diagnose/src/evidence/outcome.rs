@@ -104,11 +104,23 @@ impl Outcome {
     pub(crate) fn keep(&mut self, hypothesis: &Hypothesis) {
         let known = self.fitted.get(&hypothesis.effects).map(|(known, _)| known);
         if known.is_none_or(|known| hypothesis.supersedes(known)) {
-            if hypothesis.effects.is_empty() {
-                self.none = hypothesis.clone();
-            }
-            self.fitted.insert(hypothesis.effects.clone(), (hypothesis.clone(), hypothesis.evidence));
+            self.replace(hypothesis);
         }
+    }
+
+    /// Puts a hypothesis in the place of what is known with the same effects, the best one's as well.
+    pub(crate) fn put(&mut self, hypothesis: &Hypothesis) {
+        if hypothesis.effects == self.best.effects {
+            self.best = hypothesis.clone();
+        }
+        self.replace(hypothesis);
+    }
+
+    fn replace(&mut self, hypothesis: &Hypothesis) {
+        if hypothesis.effects.is_empty() {
+            self.none = hypothesis.clone();
+        }
+        self.fitted.insert(hypothesis.effects.clone(), (hypothesis.clone(), hypothesis.evidence));
     }
 }
 

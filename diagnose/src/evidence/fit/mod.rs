@@ -92,6 +92,12 @@ impl Hypothesis {
         Some([lacking(self, other)?, lacking(other, self)?])
     }
 
+    /// What steps from here make of squared residuals where slopes hold.
+    #[must_use]
+    pub fn quadratic(&self) -> Quadratic {
+        Quadratic::new(&self.columns.iter().map(|column| column.as_slice()).collect::<Vec<_>>(), &self.residuals)
+    }
+
     /// Deviation of a coordinate; 0 if it is not free.
     #[must_use]
     pub fn std(&self, c: usize) -> f64 {

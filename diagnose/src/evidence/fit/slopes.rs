@@ -152,7 +152,16 @@ impl Fitter<'_> {
     /// # Errors
     /// If the model cannot be evaluated.
     pub fn slopes(&self, u: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
-        coordinates.par_iter().map(|&c| self.slope(u, None, c, links)).collect()
+        coordinates.par_iter().map(|&c| self.slope(u, None, c, links, self.difference(c))).collect()
+    }
+
+    /// The slope of the residuals' negative by a coordinate over a deviation to either side, where that is more than a difference quotient's step: what
+    /// joints that stick make jagged is smooth then.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated.
+    pub(crate) fn slope_over(&self, u: &[f64], c: usize, links: Links, deviation: f64) -> Result<Column> {
+        self.slope(u, None, c, links, deviation.max(self.difference(c)))
     }
 
     /// As [`Self::slopes`] for half the price and not as close: to one side of a point whose residuals are known.
@@ -160,15 +169,19 @@ impl Fitter<'_> {
     /// # Errors
     /// If the model cannot be evaluated.
     pub(crate) fn slopes_beside(&self, u: &[f64], residuals: &[f64], coordinates: &[usize], links: Links) -> Result<Vec<Column>> {
-        coordinates.par_iter().map(|&c| self.slope(u, Some(residuals), c, links)).collect()
+        coordinates.par_iter().map(|&c| self.slope(u, Some(residuals), c, links, self.difference(c))).collect()
     }
 
-    fn slope(&self, u: &[f64], here: Option<&[f64]>, c: usize, links: Links) -> Result<Column> {
+    /// Step of a difference quotient.
+    fn difference(&self, c: usize) -> f64 {
+        self.coordinates.tolerance(c).map_or(DIFFERENCE, |tolerance| tolerance.min(DIFFERENCE))
+    }
+
+    fn slope(&self, u: &[f64], here: Option<&[f64]>, c: usize, links: Links, step: f64) -> Result<Column> {
         if matches!(self.scale(c), Scale::Whole { .. }) {
             return Ok(Arc::new(vec![0.0; self.rows.tip_rows() + self.rows.torque_rows()]));
         }
         let coordinate = self.coordinates.all[c];
-        let step = self.coordinates.tolerance(c).map_or(DIFFERENCE, |tolerance| tolerance.min(DIFFERENCE));
         let channels = self.channels_of(coordinate.effect, links);
         // A magnitude has no other side of zero, and no state more than the motion could leave.
         let [least, largest] = self.scale(c).limits_u();

@@ -11,6 +11,7 @@ mod points;
 mod refit;
 mod resized;
 mod rivals;
+mod same;
 pub mod screen;
 mod starts;
 pub mod tied;

@@ -41,7 +41,9 @@ impl Fitter<'_> {
         };
         let mut close = side_by_side(&rivals, of_rival)?;
         close.push(again);
+        let same = self.level_the_same(&mut close)?;
         anchored(&mut close, &best);
+        same.into_iter().for_each(|k| outcome.put(&close[k]));
         self.taken(outcome, close.into_iter());
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Effects that do about the same, held against each other.
 
 use super::*;
+use crate::evidence::fit::slopes::Following;
 
 #[test]
 fn a_slack_joint_that_lies_on_one_side_is_found_where_an_offset_stands_in_for_it() {
@@ -236,4 +237,43 @@ fn what_stands_in_for_an_effect_that_is_beyond_its_scatter_is_not_lost_in_its_ow
         [is_lost(0), is_lost(1)] == [Some(false), Some(true)]
     };
     assert!((1..60).any(|step| is_kept_for_the_other(0.01 * f64::from(step))));
+}
+
+#[test]
+fn which_of_two_that_leave_the_same_is_likelier_does_not_go_by_where_joints_stick() {
+    // An offset, and a slack that lies on one side all the time. Rows that stick go by the slack's size, each in its own way, and fast.
+    let likelier = |rows_stick: f64, phase: f64| {
+        let rows = Seen::new(&[("backlash", [2, 0]), ("joint-offset", [2, 0])], move |numbers: &[Option<&[f64]>], links| {
+            let [slack, offset] = [0, 1].map(|n| numbers[n].map_or(0.0, |u| u[0]));
+            let mut seen = tips(|k| k.sin() * (1.0 - slack - offset));
+            let stuck = |k: usize| (phase + (100.0 + 40.0 * k as f64) * slack).sin();
+            seen.iter_mut()
+                .take(STUCK)
+                .enumerate()
+                .filter(|_| links == Links::RolledOut)
+                .for_each(|(k, row)| *row += rows_stick * stuck(k));
+            seen
+        });
+        let coordinates = Coordinates::new(&rows.robot, &rows);
+        let fitter = Fitter::new(&rows, &coordinates);
+        let [slack, offset] = [0, 1].map(|n| vec![rows.effect(&coordinates, n)]);
+        let (nominal, mut outcome) = fitter.begun().unwrap().unwrap();
+        for effects in [&slack, &offset] {
+            outcome.best = fitter.fit(effects, &nominal.u, None).unwrap().unwrap();
+            outcome.keep(&outcome.best.clone());
+        }
+        let closely = [&slack, &offset].map(|effects| {
+            let start = &outcome.fitted[effects].0.u;
+            fitter.fit_with(effects, start, None, Following::AllRolledOut).unwrap().unwrap().evidence
+        });
+        fitter.hold_against_rivals(&mut outcome).unwrap();
+        let levelled = [&slack, &offset].map(|effects| outcome.fitted[effects].0.evidence);
+        [closely, levelled].map(|[slack, offset]| slack - offset)
+    };
+    let [_, smooth] = likelier(0.0, 0.0);
+    for rows_stick in [0.1, 0.3] {
+        let off = (0..12).map(|phase| likelier(rows_stick, f64::from(phase)).map(|by| (by - smooth).abs()));
+        let [closely, levelled] = off.fold([0.0_f64; 2], |most, off| [0, 1].map(|k| most[k].max(off[k])));
+        assert!(closely > 0.25 && levelled < 0.5 * closely, "{rows_stick}: {closely} closely, {levelled} levelled");
+    }
 }
