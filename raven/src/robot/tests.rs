@@ -354,13 +354,16 @@ fn a_joint_is_named_so_that_keys_can_hold_its_name() {
 
 proptest! {
     #[test]
-    fn mass_matrix_and_gravity_are_what_the_recursion_says(
+    fn mass_matrix_and_bias_are_what_the_recursion_says(
         shoulder in 0.0..1.57_f64, elbow in 0.2..2.9_f64, insertion in 0.23..0.60_f64, payload in 0.0..0.5_f64, gold: bool,
+        rate in prop::array::uniform3(-2.0..2.0_f64),
     ) {
         let dynamics = if gold { nominal() } else { green() }.arm().unwrap().dynamics.with_payload(payload);
         let q = Vector3::new(shoulder, elbow, insertion);
-        let rest = dynamics.bias(&q, &Vector3::zeros());
+        let rest = dynamics.inverse(&q, &Vector3::zeros(), &Vector3::zeros());
         prop_assert!((dynamics.gravity(&q) - rest).amax() < 1e-12);
+        let rate = Vector3::from(rate);
+        prop_assert!((dynamics.bias(&q, &rate) - dynamics.inverse(&q, &rate, &Vector3::zeros())).amax() < 1e-12);
         let mass = dynamics.mass_matrix(&q);
         for j in 0..3 {
             let unit = Vector3::from_fn(|i, _| f64::from(u8::from(i == j)));

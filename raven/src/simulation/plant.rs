@@ -209,7 +209,8 @@ impl Machine {
                 let pushed = contact.map_or_else(Vector3::zeros, |contact| {
                     kinematics.jacobian(joint).transpose() * contact.force_n(&kinematics.forward(joint))
                 });
-                (dynamics.mass_matrix(joint), dynamics.bias(joint, rate) - pushed)
+                let (mass, bias) = dynamics.mass_and_bias(joint, rate);
+                (mass, bias - pushed)
             }
             Load::Bench(mass) => (Matrix3::from_diagonal(mass), Vector3::zeros()),
         }
