@@ -103,9 +103,22 @@ impl Pull {
 /// Up to here three terms of the series are exact to the last digit. A cable whose exponent is in metres never leaves it.
 const SERIES: f64 = 1e-3;
 
+/// Up to here those of [`SINH`] are.
+const LONGER_SERIES: f64 = 1.0;
+/// What a term of the hyperbolic sine's series is of the one before, over the square of its argument.
+const SINH: [f64; 8] = [1.0 / 6.0, 1.0 / 20.0, 1.0 / 42.0, 1.0 / 72.0, 1.0 / 110.0, 1.0 / 156.0, 1.0 / 210.0, 1.0 / 272.0];
+
+/// As [`f64::sinh`], which takes several times as long.
 fn sinh(x: f64) -> f64 {
     let square = x * x;
-    if x.abs() < SERIES { x * (1.0 + square * (1.0 / 6.0) * (1.0 + square * (1.0 / 20.0))) } else { x.sinh() }
+    if x.abs() < SERIES {
+        x * (1.0 + square * SINH[0] * (1.0 + square * SINH[1]))
+    } else if x.abs() < LONGER_SERIES {
+        x * SINH.iter().rev().fold(1.0, |sum, part| 1.0 + square * part * sum)
+    } else {
+        let grown = x.abs().exp();
+        (0.5 * (grown - grown.recip())).copysign(x)
+    }
 }
 
 fn asinh(x: f64) -> f64 {
@@ -154,5 +167,10 @@ mod tests {
             approx::assert_relative_eq!(sinh(x), x.sinh(), max_relative = 4e-16);
             approx::assert_relative_eq!(asinh(x), x.asinh(), max_relative = 4e-16);
         }
+        for x in (-3000..3000).map(|k| f64::from(k) * 0.01 + 0.003) {
+            approx::assert_relative_eq!(sinh(x), x.sinh(), max_relative = 8e-16);
+        }
+        assert_eq!([sinh(-1e3), sinh(1e3)], [f64::NEG_INFINITY, f64::INFINITY]);
+        assert!(sinh(f64::NAN).is_nan());
     }
 }
