@@ -21,6 +21,9 @@ use crate::evidence::fit::slopes::Column;
 use crate::evidence::fit::{Fitter, Hypothesis, side_by_side};
 use crate::evidence::recorded::rows::Links;
 
+/// Fits of one robot end no further apart than this [nat].
+const APART_NATS: f64 = 10.0;
+
 impl Fitter<'_> {
     /// Makes those of some close fits that can leave the same as the cheapest of them, having one effect in the place of one of its own, as likely as it.
     /// Tells which they are, it among them; nothing where there are none.
@@ -29,8 +32,12 @@ impl Fitter<'_> {
     /// If the model cannot be evaluated.
     pub(super) fn level_the_same(&self, close: &mut [Hypothesis]) -> Result<Vec<usize>> {
         let Some(cheapest) = (0..close.len()).min_by(|&a, &b| close[a].cost.total_cmp(&close[b].cost)) else { return Ok(Vec::new()) };
+        let is_near = |k: usize| close[k].cost < close[cheapest].cost + APART_NATS;
+        let others: Vec<usize> = (0..close.len()).filter(|&k| k != cheapest && is_near(k)).collect();
+        if others.is_empty() {
+            return Ok(Vec::new());
+        }
         let Some(leader) = self.with_slopes_of(close, &close[cheapest])? else { return Ok(Vec::new()) };
-        let others: Vec<usize> = (0..close.len()).filter(|&k| k != cheapest).collect();
         let mut same = side_by_side(&others, |&k| Ok(self.as_likely_as(&leader, &close[k])?.map(|hypothesis| (k, hypothesis))))?;
         if same.is_empty() {
             return Ok(Vec::new());
