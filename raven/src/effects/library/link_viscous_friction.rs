@@ -2,7 +2,8 @@
 
 use super::super::{Amount, Channel, Effect, Need, Parameter, Scale, Scope, Size, Stage, Tie};
 
-/// link-viscous-friction.
+/// link-viscous-friction. A Raven's nominal one is a hundredth of what a joint without any would be given ([`AMOUNT`]): the logarithm of that
+/// amount over it has a root mean square of 4.1.
 pub const EFFECT: Effect = Effect {
     id: "link-viscous-friction",
     scope: Scope::Joint,
@@ -11,7 +12,7 @@ pub const EFFECT: Effect = Effect {
     parameters: &[Parameter {
         name: "factor",
         unit: "1",
-        scale: Scale::factor(2.5),
+        scale: Scale::factor(4.1),
         tolerance: Some(|robot, _| robot.tolerances.link_friction),
     }],
     channels: &[Channel::Tip, Channel::Torque],
